@@ -29,7 +29,7 @@ for _dimension in ("area", "volume"):
 
 @dataclass(frozen=True)
 class QuantitySpec:
-    """What the package knows of a quantity, or of a column of labels.
+    """Properties of a quantity, or of a column of labels.
 
     Examples
     --------
@@ -67,13 +67,7 @@ class QuantitySpec:
 
 
 def unit_text(unit: str) -> str:
-    """Unit as people read it.
-
-    Examples
-    --------
-    >>> unit_text("mm2/kPa"), unit_text("kPa")
-    ('mm²/kPa', 'kPa')
-    """
+    """Unit as people read it."""
     return unit.replace("mm2", "mm²").replace("mm3", "mm³")
 
 
@@ -177,7 +171,7 @@ _DERIVED = [
     # In results the radius of the inflated tube, in tables that of the reference tube.
     QuantitySpec("outer_radius", "length", "current outer radius", "b"),
 ]
-#: What results hold, by name.
+#: Quantities of results by name.
 IN_RESULTS = {spec.name: spec for spec in (*_MEASURED, IN_TABLES["axial_stretch"], *_DERIVED)}
 #: Every quantity by name; ``outer_radius`` is that of the reference tube.
 QUANTITIES = IN_RESULTS | IN_TABLES
@@ -185,7 +179,7 @@ QUANTITIES = IN_RESULTS | IN_TABLES
 
 @dataclass(frozen=True)
 class PlausibleRange:
-    """The sizes that a quantity has in soft tubes; see :data:`MISTAKES` for what is outside.
+    """The sizes that a quantity has in soft tubes; see :data:`MISTAKES` for other sizes.
 
     The ranges hold arteries from arterioles to a dilated aorta, veins and other soft tubes, with
     some room.

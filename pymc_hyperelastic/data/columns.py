@@ -35,7 +35,7 @@ class Rows:
 
     @property
     def of_files(self) -> bool:
-        """Whether the index names files and lines."""
+        """True if the index names files and lines."""
         return bool(file_of(self.frame.index[0]))
 
     def place(self, i: int) -> str:
@@ -106,7 +106,7 @@ class Rows:
         """One value a test, and an error at rows that differ from their test's first."""
         of_test = values[self.first]
         expected = of_test[self.test]
-        for i in np.flatnonzero(differ(values, expected)):
+        for i in np.flatnonzero(differ(values, expected)).tolist():
             self._wrong(
                 i,
                 f"{name} is {values[i].item()!r}, but {expected[i].item()!r} in the first row of "

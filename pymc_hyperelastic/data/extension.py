@@ -26,14 +26,14 @@ def clearly_extended(stretch: NDArray[np.float64]) -> bool:
 def stretches_of(
     rows: Rows, stretch: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Stretch of every row, one number in tests in which it is held; and in which tests it varies.
+    """Stretch of every row, one number in each test that holds it, and the tests that vary it.
 
-    A stretch that varies and is impossible is an error; a variation that was hardly meant is
-    doubted.
+    Impossible stretches of extension tests are errors; variations that look like errors of
+    measurement or typing are doubted.
     """
     varying = varies(stretch, rows.test)
     stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
-    for i in np.flatnonzero((stretch <= 0) & varying[rows.test]):
+    for i in np.flatnonzero((stretch <= 0) & varying[rows.test]).tolist():
         what = f"axial_stretch is {stretch[i]:.6g}; expected a positive ratio of lengths, 1 for an "
         rows.problems.add(rows.place(i), f"{what}unstretched tube")
     for test in np.flatnonzero(varying):

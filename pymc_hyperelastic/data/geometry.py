@@ -94,7 +94,7 @@ def errors_of_tube(
     convention: Convention | None,
     radii_of: RadiiOf | None,
 ) -> dict[str, Array]:
-    """Standard deviations of measures of the sector, of those that were given; with their units."""
+    """Standard deviations of measures of the sector, from the given ones."""
     if radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
         raise ValueError(
             f"geometry_sd holds {radii[0]!r}, but the radii are those of the ring, and models take "

@@ -45,14 +45,7 @@ def names_of_test(data: xr.Dataset) -> list[str]:
 
 
 def describe_test(data: xr.Dataset, i: int) -> str:
-    """Specimen and experiment of the test at position `i`, as messages name it.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> describe_test(load_dataset("simulated_sheep_aorta"), 5)
-    "specimen 'S2', experiment 3"
-    """
+    """Specimen and experiment of the test at position `i`, as messages name it."""
     names = names_of_test(data)
     return ", ".join(f"{name} {data[name].values[[i]].tolist()[0]!r}" for name in names)
 
@@ -136,11 +129,10 @@ def measured_radius(data: xr.Dataset) -> xr.DataArray:
 def check_inflation_data(data: xr.Dataset) -> None:
     """Raise unless `data` is a sound inflation Dataset, as :func:`inflation_data` builds it.
 
-    The error of a Dataset that was made or changed by hand says what is wrong: a variable that is
-    missing, lies on another dimension, has another unit or is not numeric; points of a test that do
-    not stand together; two tests, or specimens of two groups, with one label; a value that is not
-    finite or impossible for a tube. The coordinates ``row``, ``cycle`` and ``phase`` may be
-    missing.
+    A variable may be missing, lie on another dimension, have another unit or not be numeric. Points
+    of a test may not stand together. Two tests, or specimens of two groups, may have one label. A
+    value may not be finite, or be impossible for a tube. All these are errors. The coordinates
+    ``row``, ``cycle`` and ``phase`` may be missing.
     """
     _check_structure(data)
     for place, what, *_ in defects_of(data):
@@ -224,7 +216,7 @@ def _check_labels(data: xr.Dataset) -> None:
             )
 
 
-# Where the values of a variable are impossible, and what was expected.
+# Test for impossible values of a variable, and the expected values in words.
 _RULES = {
     "radius": (lambda v: v["radius"] <= 0, "expected a positive radius: correct or drop the row"),
     "outer_diameter": (
@@ -267,7 +259,7 @@ def defects_of(data: xr.Dataset) -> Iterator[Problem]:
 
 
 def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
-    """Where NaN means something: an unknown geometry, a force that was not measured."""
+    """Return True for variables that may be NaN: unknown geometry, a force without reading."""
     if name == "radius" and "outer_diameter" in data:
         unknown = [_at_points(data, data[geometry].isnull()) for geometry in GEOMETRY]
         return np.any(unknown, axis=0)
@@ -301,13 +293,7 @@ def _found(
 
 
 def listed(labels: Iterable[Hashable]) -> str:
-    """Labels as messages list them, the first of many.
-
-    Examples
-    --------
-    >>> listed(["a", "b"]), listed(range(100))[-20:]
-    ("'a', 'b'", '28, 29 and 70 others')
-    """
+    """Labels as messages list them, the first of many."""
     labels = list(labels)
     others = len(labels) - _MOST_LISTED
     named = ", ".join(map(shown, labels[:_MOST_LISTED]))

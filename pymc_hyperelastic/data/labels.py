@@ -1,4 +1,4 @@
-"""Labels as text: without characters that nobody sees, or that no file may hold."""
+"""Labels as text: without invisible characters, and without characters that files cannot hold."""
 
 import re
 from typing import Any

@@ -22,7 +22,7 @@ Cycles = Literal["last", "all"]
 _FALL = 0.1
 # Relative tolerance of that fall: exactly a tenth does not count, in any unit of pressure.
 _ROUNDING = 1e-9
-# Legs of a cycle have at least so many rows on average; those of shuffled rows have 1.5.
+# Rows per leg: at least 4 on average in a cycle; shuffled rows have 1.5.
 _LEG = 4
 _SLOPES = "slopes are taken between neighbouring rows"
 
@@ -115,7 +115,7 @@ def _sorted(rows: Rows, points: Points, name: str, along: Array, pressure: Array
 
 
 def _up_and_down(turns: int, count: int) -> bool:
-    """Whether so many rows turn as those of cycles do, and not as shuffled ones."""
+    """Return True if a curve turns as often as cycles do, and less often than shuffled rows."""
     return turns == 1 or (turns > 0 and count >= _LEG * (turns + 1))
 
 
@@ -125,7 +125,7 @@ def _never_turns(x: Array) -> bool:
 
 
 def _first_turn(x: Array) -> int:
-    """First point at which a curve does not go on in the direction in which it began."""
+    """First point at which a curve leaves the direction of its beginning."""
     steps = np.diff(x)
     began = np.sign(steps[np.flatnonzero(steps)[0]])
     return int(np.flatnonzero(steps * began < 0)[0]) + 1

@@ -1,7 +1,7 @@
-"""Whether inflation data are of a size that soft tubes have, and what was probably meant if not.
+"""Doubts about inflation data whose sizes soft tubes do not have, with the likely mistake.
 
-The ranges are in :data:`~pymc_hyperelastic.quantities.PLAUSIBLE`. What lies outside may be right,
-but mostly another unit or another quantity was given.
+The ranges are in :data:`~pymc_hyperelastic.quantities.PLAUSIBLE`. A size outside its range may be
+right, but mostly another unit or another quantity was given.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def check_plausible(data: xr.Dataset, problems: Problems) -> None:
     _doubt_single_points(data, problems)
     for name, values in _quantities(data).items():
         expected = PLAUSIBLE[name]
-        # Comparisons with NaN, of what is unknown, are False.
+        # Comparisons with NaN, an unknown size, are False.
         for i in np.flatnonzero((values < expected.low) | (values > expected.high)):
             is_low = values[i] < expected.low
             bound = f"at least {expected.low:g}" if is_low else f"at most {expected.high:g}"
@@ -68,7 +68,7 @@ def check_plausible_pressures(pressure: Array, check: Check) -> None:
 
 
 def _quantities(data: xr.Dataset) -> dict[str, Array]:
-    """What has a plausible range, one number a test."""
+    """Quantities with a plausible range, one number a test."""
     test = data["test"].values
     pressure, radius = data["pressure"].values, data["radius"].values
     inner, outer, angle = (data[name].values for name in GEOMETRY if name != "axial_stretch")
@@ -77,7 +77,7 @@ def _quantities(data: xr.Dataset) -> dict[str, Array]:
     lowest, highest = _extreme(np.argmin, pressure, test), _extreme(np.argmax, pressure, test)
 
     def hoop_stretch(points: Array) -> Array:
-        """Of the wall's middle, over that of the closed, stretched tube without load."""
+        """Stretch of the wall's middle, relative to the closed, stretched tube without load."""
         stretch = axial[points]
         r = current_radius(
             middle, radius[points], inner_radius=inner, axial_stretch=stretch, opening_angle=angle

@@ -115,7 +115,7 @@ def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
 
 
 def labels_of_units(data: xr.Dataset, by: str) -> dict[str, tuple[str, NDArray]]:
-    """Coordinates that name what is judged together, see :func:`units_of`."""
+    """Coordinates that name the units of :func:`units_of`."""
     first = [tests[0] for tests in units_of(data, by).values()]
     names = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
     return {name: (by, data[name].values[first]) for name in names}

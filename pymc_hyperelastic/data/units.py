@@ -34,7 +34,7 @@ _RATIOS = {"": 1.0, "1": 1.0, "-": 1.0, "–": 1.0, "mm/mm": 1.0, "%": 0.01}
 
 
 class Unit(NamedTuple):
-    """A unit as a file writes it, what it measures, and how many units of the package it is."""
+    """A unit as a file writes it, its dimension, and its size in units of the package."""
 
     spelling: str
     dimension: str
@@ -50,11 +50,6 @@ def to_internal(
     or ``"degree"``; the values may be in its square or cube, the `power`. If the unit is none of
     these, a ValueError names the argument through which the caller received it, `keyword` or else
     ``f"{dimension}_unit"``.
-
-    Examples
-    --------
-    >>> float(to_internal(250.0, "um", "length"))
-    0.25
     """
     factor = _factor(unit, dimension, keyword or f"{dimension}_unit")
     return np.asarray(values, dtype=float) * factor**power
@@ -62,15 +57,7 @@ def to_internal(
 
 @lru_cache
 def known_unit(spelling: str, dimension: str) -> Unit | None:
-    """Look up a unit that a file writes; None if it does not measure this dimension.
-
-    Examples
-    --------
-    >>> known_unit("µm²", "area")
-    Unit(spelling='µm²', dimension='area', factor=1e-06)
-    >>> known_unit("mmHg", "length") is None
-    True
-    """
+    """Look up a unit that a file writes; None if it does not measure this dimension."""
     # The ordinal mark looks like the sign of degrees, and is typed for it.
     plain = unicodedata.normalize("NFKC", spelling.replace("º", "°")).replace("μ", "u")
     plain = re.sub(r"[\s_^]|\*\*", "", plain)

@@ -20,18 +20,18 @@ def check_known(check: Check) -> None:
 
 
 class Problem(NamedTuple):
-    """Where something is wrong, what, and the dimension whose unit may be the reason."""
+    """One problem: its place, a description, and the dimension whose unit may be the reason."""
 
     place: str
     what: str
     dimension: str = ""
     of_test: bool = False
-    """Whether the place is a whole test: tests with the same problem are counted, not listed."""
+    """True if the place is a whole test: tests with the same problem are counted, not listed."""
 
 
 @dataclass
 class Problems:
-    """What is wrong with one input, and what is doubtful, until everything has been checked."""
+    """Errors and doubts about one input, until everything has been checked."""
 
     check: Check
     units: Mapping[tuple[str, str], str] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Problems:
         self._errors.setdefault(key, []).append(Problem(place, what, dimension, of_test))
 
     def doubt(self, kind: str, place: str, what: str, dimension: str = "") -> None:
-        """Record what is possible, but probably wrong. Doubts of a kind are reported as one."""
+        """Record a doubt: possible, but probably wrong. Doubts of a kind are reported as one."""
         if self.check != "ignore":
             self._doubts.setdefault(kind, []).append(Problem(place, what, dimension))
 
@@ -54,7 +54,7 @@ class Problems:
         refuse([self._message(same) for same in self._errors.values()])
 
     def report(self) -> None:
-        """Raise if there are errors; else raise or warn of what is doubtful, as `check` says."""
+        """Raise if there are errors; else raise or warn about doubts, as `check` says."""
         self.stop()
         if self.check == "raise":
             refuse([self._message(same) for same in self._doubts.values()])

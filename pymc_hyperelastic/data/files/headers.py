@@ -1,6 +1,6 @@
-"""What the columns of a laboratory's table are, by their names.
+"""The meaning of the columns of a laboratory's table, by their names.
 
-Names are looked up in :data:`~pymc_hyperelastic.quantities.SPELLINGS`; nothing is guessed.
+Names are looked up in :data:`~pymc_hyperelastic.quantities.SPELLINGS`; the package does not guess.
 """
 
 import re
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from pymc_hyperelastic.data.units import Unit, is_unit, known_unit
 from pymc_hyperelastic.quantities import DIAMETERS, IN_TABLES, SPELLINGS
 
-# Columns that tables of points cannot do without, besides what was measured.
+# Columns that tables of points need, besides a radius or a diameter.
 NEEDED = ("specimen", "experiment", "pressure")
 _KNOWN = {name: (name, 1.0) for name in IN_TABLES}
 _KNOWN |= {other: (name, 1.0) for name, others in SPELLINGS.items() for other in others.split()}
@@ -19,12 +19,12 @@ _KNOWN |= {other: (name, 0.5) for name, others in DIAMETERS.items() for other in
 # A name that people who keep tables give to a specimen, and pressure myographs to a diameter.
 TWO_MEANINGS = {"id": ("specimen", "inner_diameter")}
 
-# Letters of a name with its unit; what is longer is a remark.
+# Letters of a name with its unit; a longer header is a remark.
 _LONGEST_NAME = 80
 
 
 class Heading(NamedTuple):
-    """What a column is: its name in the package, what it is times, and the unit in its name."""
+    """The meaning of a column: its name in the package, a factor, and the unit in its header."""
 
     name: str
     scale: float = 1.0
@@ -32,17 +32,17 @@ class Heading(NamedTuple):
 
     @property
     def dimension(self) -> str:
-        """What its numbers measure, or "label"."""
+        """The dimension of its numbers, or ``"label"``."""
         return IN_TABLES[self.name].dimension
 
     @property
     def is_label(self) -> bool:
-        """Whether it holds labels, not numbers."""
+        """True if it holds labels, not numbers."""
         return self.dimension == "label"
 
 
 def heading(text: str) -> Heading | None:
-    """What a column is by its name, or None if the name is not known.
+    """The meaning of a column by its header, or None if the name is not known.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def comparable(text: str) -> str:
 
 
 def called(text: str) -> list[str]:
-    """What a column is called, with its unit and without, as it is compared."""
+    """Names of a header, with its unit and without, in the form in which names are compared."""
     return [comparable(text), *(comparable(name) for name, _ in _readings(text))]
 
 

@@ -18,16 +18,7 @@ def named(keys: list[str], labels: tuple) -> str:
 
 
 def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[str]]:
-    """Points with the columns that tables have for their specimens; and rows without points.
-
-    Examples
-    --------
-    >>> points = pd.DataFrame({"specimen": ["S1"], "pressure": [2.0]}, index=["a.csv, line 2"])
-    >>> tubes = pd.DataFrame({"specimen": ["S1", "S2"], "thickness": 0.1}, index=["b, 2", "b, 3"])
-    >>> frame, words = joined(points, [tubes])
-    >>> frame["thickness"].tolist(), words
-    ([0.1], ["not used, without points: specimen 'S2'"])
-    """
+    """Points with the columns that tables have for their specimens; and rows without points."""
     words = []
     for keys in (["specimen"], ["specimen", "experiment"]):
         of_keys = [t for t in tables if ("experiment" in t) == ("experiment" in keys)]

@@ -11,7 +11,7 @@ from typing import Literal
 Decimal = Literal[".", ","]
 DECIMALS: dict[Decimal, str] = {".": "decimal points", ",": "decimal commas"}
 
-# What stands for a number that is not there, in small letters.
+# Cells of missing numbers, in small letters.
 MISSING = {"", "-", "–", "—", "?", "na", "n/a", "n.a.", "#n/a", "nan", "none", "null", "nd", "n.d."}
 
 _SPACES = " '’\u00a0\u2009\u202f"  # between thousands; none is a decimal mark
@@ -38,7 +38,7 @@ _DATE = re.compile(
 _WITH_UNIT = re.compile(
     r"([+-]?[0-9.,](?:[0-9.,'’ ]*[0-9.,])?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s.,].*)"
 )
-# Beyond are no measurements, in whichever unit; squares and cubes of what is within are finite.
+# No measurement is larger, in any unit. Squares and cubes of smaller numbers are finite.
 LARGEST = 1e15
 # Letters of a cell that may be a number with a unit.
 _LONGEST = 60
@@ -101,13 +101,7 @@ def why_no_number(cell: str, decimal: Decimal) -> str:
 
 
 def decimal_of(cells: Iterable[str]) -> tuple[Decimal, bool]:
-    """Decimal mark with which most cells are numbers; and whether the cells leave that open.
-
-    Examples
-    --------
-    >>> decimal_of(["2,8", "7,067"]), decimal_of(["7,067"]), decimal_of(["2", "7.067"])
-    ((',', False), (',', True), ('.', False))
-    """
+    """Decimal mark with which most cells are numbers; and whether the cells leave that open."""
     cells = list(cells)
     numbers = {mark: [c for c in cells if number(c, mark) is not None] for mark in (".", ",")}
     if len(numbers[","]) <= len(numbers["."]):

@@ -1,4 +1,4 @@
-"""Inflation data from the files of a laboratory, and what was understood of them."""
+"""Inflation data from the files of a laboratory."""
 
 import io
 import os
@@ -23,7 +23,7 @@ from pymc_hyperelastic.quantities import MEASURES
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
-# Labels that stay with the tests, besides those that inflation_data knows.
+# Labels that become coordinates here; inflation_data does not know them.
 _KEPT = ("animal", "split")
 
 
@@ -37,8 +37,8 @@ def read_tests(
 
     Separators, decimal marks and encodings are found; columns are known by their names, with units
     in the names, in a line below them or in the settings. Tables of points are put below each
-    other, and tables of specimens are joined to them. What may mean two things is asked, and all
-    that is wrong is told at once.
+    other, and tables of specimens are joined to them. An ambiguous table is an error that asks for
+    a setting; all errors are reported at once.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
 
 
 def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -> list[Table]:
-    """Read all files, or raise with what is wrong with those that cannot be read at all."""
+    """Read all files, or raise with the errors of files that cannot be read at all."""
     tables: list[Table] = []
     problems = []
     for name, path in paths.items():

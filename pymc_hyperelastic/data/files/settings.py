@@ -1,4 +1,4 @@
-"""What a settings file says of a laboratory's tables: columns, units, constants, conventions."""
+"""Settings of a laboratory's tables: columns, units, constants, conventions."""
 
 import tomllib
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ Constants = dict[str, float | str]
 
 @dataclass(frozen=True)
 class Settings:
-    """What is said of all tables of a study, checked."""
+    """Checked settings of all tables of a study."""
 
     conventions: dict[str, str] = field(default_factory=dict)
     columns: dict[str, Heading] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class Settings:
 
 
 def read_settings(path: Path) -> Settings:
-    """Settings of a TOML file. Raises ValueError if it is none, or says what is not known."""
+    """Settings of a TOML file. Raises ValueError if it is none, or has unknown keys."""
     try:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(_LARGEST_FILE + 1)
@@ -85,14 +85,7 @@ def read_settings(path: Path) -> Settings:
 
 
 def settings_of(stated: Mapping[str, Any], place: str) -> Settings:
-    """Settings that are stated in `place`, the name of a file or nothing, checked.
-
-    Examples
-    --------
-    >>> settings = settings_of({"pressure_unit": "mmHg", "columns": {"pressure": "Druck"}}, "")
-    >>> settings.columns["Druck"].name, settings.unit_of("pressure").spelling
-    ('pressure', 'mmHg')
-    """
+    """Settings that are stated in `place`, the name of a file or nothing, checked."""
     where = f"{place}: " if place else "settings: "
     for key, value in stated.items():
         if key not in _KEYS:
@@ -170,8 +163,8 @@ def _is_texts(value: object) -> bool:
 
 
 def _columns(where: str, stated: Mapping[str, Any]) -> dict[str, Heading]:
-    """What the columns are that are named."""
-    columns = {}
+    """The meanings of the columns that the settings name."""
+    columns: dict[str, Heading] = {}
     for key, texts in stated.items():
         texts = [texts] if isinstance(texts, str) else texts
         if not _is_texts(texts):
@@ -180,7 +173,7 @@ def _columns(where: str, stated: Mapping[str, Any]) -> dict[str, Heading]:
                 texts,
                 "the name of a column as text, or a list of names that it has in several files",
             )
-        columns |= {text: heading(key) for text in texts}
+        columns |= {text: known for text in texts if (known := heading(key))}
     return columns
 
 

@@ -44,7 +44,7 @@ _MOST_UNUSED = 100
 
 
 class Column(NamedTuple):
-    """A column of a sheet: what it is, and its cells as text, by line."""
+    """A column of a sheet: its meaning, and its cells as text, by line."""
 
     header: str
     meaning: Heading
@@ -65,7 +65,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A sheet that was understood: its frame, what is wrong with it, and what was understood.
+    """A sheet as a frame, with its problems, and a description in words.
 
     The frame has the package's names and units, and is labelled by file and line.
     """
@@ -73,7 +73,7 @@ class Table:
     file: str
     names: list[str]
     headers: dict[str, str]
-    """What the file calls columns, by their names in the package."""
+    """Headers of the columns, by their names in the package."""
     units: dict[str, Unit]
     frame: pd.DataFrame
     problems: list[str]
@@ -89,7 +89,7 @@ class Table:
 
 
 def table_of(sheet: Sheet, settings: Settings) -> Table:
-    r"""What a sheet holds.
+    r"""Table of a sheet.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
 
 
 def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str], list[str]]:
-    """Columns that are understood, the names of all others, and what is wrong with names."""
+    """Columns with a known meaning, the headers of all others, and problems of headers."""
     columns: dict[str, Column] = {}
     unused, problems = [], []
     ignored = {comparable(name) for name in settings.ignore}
@@ -235,7 +235,7 @@ def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[D
 def _unit_of(
     sheet: Sheet, column: Column, texts: list[tuple[str, str | None]], settings: Settings
 ) -> tuple[Unit | None, list[str]]:
-    """The one unit of a column, or what is wrong.
+    """The one unit of a column, or a problem.
 
     Its name states it, the line below the names, the settings or the cells; and if none of these
     the settings for all columns of its dimension.
@@ -285,7 +285,7 @@ def _unit_of(
 
 
 def _why_no_number(name: str, cell: str, decimal: Decimal) -> str:
-    """What is wrong with a number, or nothing."""
+    """Problem of a cell with a number, or an empty text."""
     if not is_missing(cell):
         if number(cell, decimal) is not None:
             return ""
@@ -296,7 +296,7 @@ def _why_no_number(name: str, cell: str, decimal: Decimal) -> str:
 
 
 def _why_no_label(cell: str) -> str:
-    """What is wrong with a label, or nothing."""
+    """Problem of a cell with a label, or an empty text."""
     try:
         plain = plain_label(cell)
     except ValueError as error:
@@ -305,7 +305,7 @@ def _why_no_label(cell: str) -> str:
 
 
 def _problems(sheet: Sheet, column: Column, why: Iterable[str]) -> list[str]:
-    """What is wrong with the cells of a column, once for all lines with the same problem."""
+    """Problems of the cells of a column, one for all lines with the same problem."""
     lines = defaultdict(list)
     for line, what in zip(column.cells.index, why, strict=True):
         if what:

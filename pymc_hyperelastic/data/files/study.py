@@ -1,4 +1,4 @@
-"""The tables of a study as one frame of points: what they need, and what may not be there twice."""
+"""The tables of a study as one frame of points, without missing columns and repeated tests."""
 
 import pandas as pd
 
@@ -18,7 +18,7 @@ MEASURED = ("radius", "outer_diameter")
 _FEWEST_ALIKE = 3
 # Digits of a number that remain when it is written in another unit.
 _DIGITS = 9
-# What is taken where a study does not say it.
+# Defaults for columns that a study lacks, in words.
 _OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
 _RADII = ("inner_radius", "outer_radius")
 
@@ -26,9 +26,9 @@ _RADII = ("inner_radius", "outer_radius")
 def study_of(
     tables: list[Table], settings: Settings, check: Check = "warn"
 ) -> tuple[pd.DataFrame, list[str]]:
-    """One frame of all points, and in words what is in it.
+    """One frame of all points, and its contents in words.
 
-    Raises ValueError where something is missing, does not fit together, or is there twice.
+    Raises ValueError if a column is missing, tables do not fit together, or a test is there twice.
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points]
@@ -55,7 +55,7 @@ def study_of(
 
 
 def _constants_in_words(settings: Settings) -> list[str]:
-    """What is the same in all rows by the settings."""
+    """Constants of the settings, in words."""
 
     def words(name: str, value: float | str) -> str:
         if isinstance(value, str):
@@ -72,7 +72,7 @@ def _constants_in_words(settings: Settings) -> list[str]:
 
 
 def _has(table: Table) -> str:
-    """What columns a file has."""
+    """The columns of a file, in words."""
     names = table.names
     if len(names) == 1:
         return (
@@ -133,7 +133,7 @@ def _missing(points: dict[Table, pd.DataFrame], others: list[Table]) -> list[str
 
 
 def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.DataFrame, list[str]]:
-    """The frame without what is not needed, and in words what that is."""
+    """The frame without columns that are not needed, and these columns in words."""
     unused = {}
     if all(name in frame for name in MEASURED):
         taken = settings.conventions.get("measured")
@@ -163,7 +163,7 @@ def _counted(labels: pd.Series) -> pd.Series:
 
 
 def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """What is wrong where the rows of one test stand in several files."""
+    """Problems of tests whose rows stand in several files."""
     frame = tests.obj
     files = frame.index.map(file_of)
     first = frame.loc[~pd.DataFrame({"test": tests.ngroup(), "file": files}).duplicated()]
@@ -179,7 +179,7 @@ def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
 
 
 def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """What is wrong where two experiments have the same points, as if one had been copied."""
+    """Problems of two experiments with the same points, as if one had been copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
     measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
@@ -198,7 +198,7 @@ def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
 
 
 def _contents(frame: pd.DataFrame) -> list[str]:
-    """What there is in a study, and what is not."""
+    """Contents of a study, and missing columns, in words."""
 
     def count(n: int, what: str) -> str:
         return f"{n} {what}{'s' * (n != 1)}"
@@ -217,7 +217,7 @@ def _contents(frame: pd.DataFrame) -> list[str]:
 
 
 def _without_radii(frame: pd.DataFrame) -> list[str]:
-    """What becomes of the radii of the unloaded tube that have no column."""
+    """Consequences of radii of the unloaded tube that have no column, in words."""
     wall = [name for name in WALL if name in frame]
     lacking = [name for name in _RADII if name not in frame]
     if wall and len(lacking) == 1:

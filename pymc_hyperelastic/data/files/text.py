@@ -8,9 +8,10 @@ import lzma
 import re
 import unicodedata
 import zipfile
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -22,7 +23,11 @@ SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 
 # The first bytes of zip archives, such as the spreadsheets of today are, and of old spreadsheets.
 _ZIP, _BINARY = b"PK\x03\x04", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
-_COMPRESSED = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+_COMPRESSED: dict[str, Callable[..., Any]] = {
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+    ".xz": lzma.open,
+}
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp1252": "Latin-1"}
 # A sign alone before a separator is the name of a column of numbers.
@@ -63,13 +68,7 @@ class Sheet:
 
 
 def lines_in_words(lines: Sequence[int]) -> str:
-    """Lines of a file, as messages name them.
-
-    Examples
-    --------
-    >>> lines_in_words([2, 3, 4, 7]), lines_in_words([5])
-    ('lines 2 to 4, 7', 'line 5')
-    """
+    """Lines of a file, as messages name them."""
     runs: list[list[int]] = []
     for line in lines:
         if not runs or line != runs[-1][-1] + 1:
