@@ -148,20 +148,20 @@ def _check_structure(data: xr.Dataset) -> None:
     dimensions = dict.fromkeys(POINTS, "obs")
     names = (*REQUIRED, *OPTIONAL, *LABELS, *OPTIONAL_LABELS)
     dimensions |= {name: IN_TABLES[name].lies_on for name in names}
+    variables = data.variables  # whose access is much faster than that of the Dataset
     for name, dimension in dimensions.items():
-        if name not in data.variables:
+        if name not in variables:
             if name in ("row", *OPTIONAL, *OPTIONAL_LABELS):
                 continue
             raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")
         allowed = [(dimension,), ("obs",)] if name == "axial_stretch" else [(dimension,)]
-        if data[name].dims not in allowed:
+        if variables[name].dims not in allowed:
             expected = " or ".join(map(str, allowed))
-            raise ValueError(f"{name!r} has dimensions {data[name].dims}; expected {expected}")
-        unit = IN_TABLES[name].unit if name in IN_TABLES else "1"
-        if data[name].attrs.get("units", unit) != unit:
-            raise ValueError(
-                f"{name!r} is in {data[name].attrs['units']!r}; expected {unit!r}: convert it"
-            )
+            raise ValueError(f"{name!r} has dimensions {variables[name].dims}; expected {expected}")
+        expected = IN_TABLES[name].unit if name in IN_TABLES else "1"
+        unit = variables[name].attrs.get("units", expected)
+        if unit != expected:
+            raise ValueError(f"{name!r} is in {unit!r}; expected {expected!r}: convert it")
     _check_tests(data)
     _check_labels(data)
 
@@ -197,7 +197,8 @@ def _check_labels(data: xr.Dataset) -> None:
     """Raise if two tests, or specimens of two groups, have one label: one would be lost."""
     tests: dict[tuple, int] = {}
     groups: dict[str, tuple[int, str]] = {}
-    columns = (data[name].values.tolist() for name in (*names_of_test(data), "group"))
+    names = (*names_of_test(data), "group")
+    columns = (data.variables[name].values.tolist() for name in names)
     for i, (specimen, *others, group) in enumerate(zip(*columns, strict=True)):
         first = tests.setdefault((specimen, *others), i)
         if first != i:
@@ -263,13 +264,13 @@ def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
     if name == "radius" and "outer_diameter" in data:
         unknown = [_at_points(data, data[geometry].isnull()) for geometry in GEOMETRY]
         return np.any(unknown, axis=0)
-    if data[name].dims == ("obs",):  # a stretch that varies was measured
+    if data.variables[name].dims == ("obs",):  # a stretch that varies was measured
         return name == "axial_force"
     return name in GEOMETRY
 
 
 def _numbers(data: xr.Dataset, name: str) -> np.ndarray:
-    found = data[name].values
+    found = data.variables[name].values
     is_text = found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)
     try:
         if found.dtype.kind not in "biufO" or is_text:  # dates and text that looks like numbers
@@ -284,7 +285,7 @@ def _found(
 ) -> Iterator[Problem]:
     spec = IN_TABLES[name]
     unit = "" if spec.unit == "1" else f" {spec.unit}"
-    of_test = data[name].dims == ("test",)
+    of_test = data.variables[name].dims == ("test",)
     place = place_of_test if of_test else _place_of_point
     dimension = spec.dimension if "_unit=" in expected else ""
     for i in np.flatnonzero(bad):
