@@ -34,7 +34,7 @@ class QuantitySpec:
     Examples
     --------
     >>> QUANTITIES["compliance"].unit, QUANTITIES["compliance"].label
-    ('mm2/kPa', 'area compliance $dA/dp$ (mm²/kPa)')
+    ('mm2/kPa', 'compliance $dA/dp$ (mm²/kPa)')
     """
 
     name: str
@@ -143,10 +143,10 @@ IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_ERRORS
 
 _DERIVED = [
     QuantitySpec("stiffness", "stiffness", "stiffness", "dp/da"),
-    QuantitySpec("compliance", "compliance", "area compliance", "dA/dp"),
-    QuantitySpec("distensibility", "distensibility", "area distensibility"),
-    QuantitySpec("peterson_modulus", "pressure", "Peterson's elastic modulus"),
-    QuantitySpec("incremental_modulus", "pressure", "incremental elastic modulus"),
+    QuantitySpec("compliance", "compliance", "compliance", "dA/dp"),
+    QuantitySpec("distensibility", "distensibility", "distensibility"),
+    QuantitySpec("peterson_modulus", "pressure", "Peterson's modulus"),
+    QuantitySpec("incremental_modulus", "pressure", "incremental modulus"),
     QuantitySpec("pulse_wave_velocity", "velocity", "pulse wave velocity"),
     QuantitySpec("circumferential_stress", "pressure", "mean circumferential Cauchy stress"),
     QuantitySpec("axial_stress", "pressure", "mean axial Cauchy stress"),
