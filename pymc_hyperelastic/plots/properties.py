@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -26,24 +27,31 @@ from pymc_hyperelastic.predictions.draws import GivenTube
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
+from pymc_hyperelastic.quantities import IN_RESULTS
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# As axes name them; what is left out are radii and the slope, see plot_pressure_fit.
-_OF_THE_CURVE = {
-    "compliance": "compliance d$A$/d$p$ (mm²/kPa)",
-    "distensibility": "distensibility (1/kPa)",
-    "peterson_modulus": "Peterson's modulus (kPa)",
-    "incremental_modulus": "incremental modulus (kPa)",
-    "pulse_wave_velocity": "pulse wave velocity (m/s)",
-}
-PROPERTY_LABELS = _OF_THE_CURVE | {
-    "circumferential_stress": "mean circumferential\nCauchy stress (kPa)",
-    "axial_stress": "mean axial\nCauchy stress (kPa)",
-    "circumferential_material_stiffness": "circumferential material\nstiffness (kPa)",
-    "axial_material_stiffness": "axial material\nstiffness (kPa)",
-    "stored_energy": "stored energy (kJ/m³)",
+# Drawn unless other properties are asked for.
+_OF_THE_CURVE = (
+    "compliance",
+    "distensibility",
+    "peterson_modulus",
+    "incremental_modulus",
+    "pulse_wave_velocity",
+)
+_OF_THE_WALL = (
+    "circumferential_stress",
+    "axial_stress",
+    "circumferential_material_stiffness",
+    "axial_material_stiffness",
+    "stored_energy",
+)
+# Letters of a line of a label.
+_LABEL_WIDTH = 28
+# As axes name them; radii and the slope are left out, see plot_pressure_fit.
+PROPERTY_LABELS = {
+    name: fill(IN_RESULTS[name].label, _LABEL_WIDTH) for name in (*_OF_THE_CURVE, *_OF_THE_WALL)
 }
 _STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
 _VISUALS = "band median extrapolated xlabel ylabel title legend"
@@ -54,7 +62,7 @@ def plot_elastic_properties(
     classes: xr.DataTree,
     pressure: Any,
     *,
-    var_names: Sequence[str] = tuple(_OF_THE_CURVE),
+    var_names: Sequence[str] = _OF_THE_CURVE,
     prob: float = 0.95,
     pressure_unit: str = "mmHg",
     tube: Mapping[str, Any] | None = None,

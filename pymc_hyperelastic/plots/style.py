@@ -15,6 +15,7 @@ from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.files.stored import check_numbers, damaged, is_said, read_draws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.records import law_names_of
+from pymc_hyperelastic.quantities import QUANTITIES
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
 DOUBT = "#D55E00"  # of what is said in place of an answer
 MOST_DRAWS = 2000  # of a class in one figure: more change no line visibly
-RADIUS_LABEL = "internal radius $a$ (mm)"
-DIAMETER_LABEL = "outer diameter $d_o$ (mm)"
-STRETCH_LABEL = "axial stretch $\\lambda_z$"
+RADIUS_LABEL = QUANTITIES["radius"].label
+DIAMETER_LABEL = QUANTITIES["outer_diameter"].label
+STRETCH_LABEL = QUANTITIES["axial_stretch"].label
 # How the label of a stretch that varies begins; the part by which a pressure that is held varies.
 _VARIED, _HELD = "varied at", 0.5
 # Inches that figures leave for a legend beside and below their panels.

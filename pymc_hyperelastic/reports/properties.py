@@ -10,9 +10,10 @@ from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, po
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.records import inflation_data_of
-from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
+from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
 from pymc_hyperelastic.reports.fits import PROB, by_name, ends, has_data, summary
 
@@ -22,13 +23,13 @@ Array = NDArray[np.float64]
 _IN_TABLE, _IN_CURVE = 3, 25
 # Draws of a class in a figure: more move no line visibly, and take their time at every pressure.
 _DRAWN = 1000
-_UNITS = {
-    "compliance": "mm²/kPa",
-    "distensibility": "1/kPa",
-    "peterson_modulus": "kPa",
-    "incremental_modulus": "kPa",
-    "pulse_wave_velocity": "m/s",
-}
+_PROPERTIES = (
+    "compliance",
+    "distensibility",
+    "peterson_modulus",
+    "incremental_modulus",
+    "pulse_wave_velocity",
+)
 
 
 def show_properties(found: Found, page: Page) -> list[Block]:
@@ -68,8 +69,14 @@ def show_properties(found: Found, page: Page) -> list[Block]:
             for i, pressure in enumerate(pressures.tolist()):
                 at = properties.isel(pressure=i)
                 rows += [
-                    [_words(key), name, pressure, unit, *_middle(at[key].values)]
-                    for key, unit in _UNITS.items()
+                    [
+                        IN_RESULTS[key].long_name,
+                        name,
+                        pressure,
+                        unit_text(IN_RESULTS[key].unit),
+                        *_middle(at[key].values),
+                    ]
+                    for key in _PROPERTIES
                 ]
     columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "median"]
     if rows:
@@ -86,10 +93,6 @@ def _thinned(result: xr.DataTree) -> xr.DataTree:
     for name, tree in fitted_classes(result).items():
         thinned[name] = thinned_draws(tree, _DRAWN)
     return thinned
-
-
-def _words(name: str) -> str:
-    return PROPERTY_LABELS[name].split(" d$")[0].split(" (")[0]
 
 
 def _measured_pressures(data: list[xr.Dataset], page: Page) -> tuple[float, float] | None:
