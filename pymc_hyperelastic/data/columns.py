@@ -3,7 +3,7 @@
 A specimen and an experiment, and a cycle and a phase if they have columns, make one test.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
@@ -32,6 +32,8 @@ class Rows:
     test: np.ndarray
     first: np.ndarray
     """First row of each test."""
+    failed: set[int] = field(default_factory=set)
+    """Tests with errors."""
 
     @property
     def of_files(self) -> bool:
@@ -56,25 +58,34 @@ class Rows:
         for i, value in enumerate(self.frame[column].tolist()):
             if pd.isna(value):
                 if not may_be_missing:
-                    self._wrong(i, f"{column} is missing (nan); fill it or drop the row")
+                    self.refuse(i, f"{column} is missing (nan); fill it or drop the row")
                 continue
             try:
                 if isinstance(value, bool):
                     raise TypeError("bool is a number to Python")
                 numbers[i] = float(value)
             except (TypeError, ValueError, OverflowError):
-                self._wrong(
+                self.refuse(
                     i,
                     f"{column} is {shown(value)}, not a number; correct it (decimal points, no "
                     "units)",
                 )
                 continue
             if not np.isfinite(numbers[i]):
-                self._wrong(i, f"{column} is {value}; expected a finite number")
+                self.refuse(i, f"{column} is {value}; expected a finite number")
         return numbers
 
-    def _wrong(self, i: int, what: str) -> None:
+    def refuse(self, i: int, what: str) -> None:
+        """Record an error of a row."""
+        self.failed.add(int(self.test[i]))
         self.problems.add(self.place(i), what)
+
+    def refuse_test(self, test: int, what: str, dimension: str = "") -> None:
+        """Record an error of a test that has none yet."""
+        if test not in self.failed:
+            self.failed.add(test)
+            place = self.test_of(self.first[test])
+            self.problems.add(place, what, dimension, of_test=True)
 
     def of_points(self, name: str, given: float | str | None) -> np.ndarray:
         """One number a row: NaN for None, that of a number, those of a column by its name."""
@@ -107,7 +118,7 @@ class Rows:
         of_test = values[self.first]
         expected = of_test[self.test]
         for i in np.flatnonzero(differ(values, expected)).tolist():
-            self._wrong(
+            self.refuse(
                 i,
                 f"{name} is {values[i].item()!r}, but {expected[i].item()!r} in the first row of "
                 "this experiment; it must not change within one: correct it, or give the rows "

@@ -35,7 +35,7 @@ def stretches_of(
     stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
     for i in np.flatnonzero((stretch <= 0) & varying[rows.test]).tolist():
         what = f"axial_stretch is {stretch[i]:.6g}; expected a positive ratio of lengths, 1 for an "
-        rows.problems.add(rows.place(i), f"{what}unstretched tube")
+        rows.refuse(i, f"{what}unstretched tube")
     for test in np.flatnonzero(varying):
         points = np.flatnonzero(rows.test == test)
         own = stretch[points]

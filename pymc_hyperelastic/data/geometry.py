@@ -34,22 +34,12 @@ _REFERENCES = (
 _DEGREES = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
 
 
-class _Tests:
-    """Tests whose tubes are checked; of each the first error is reported."""
-
-    def __init__(self, rows: Rows) -> None:
-        self._rows = rows
-        self._bad = np.zeros(len(rows.first), bool)
-
-    def refuse(
-        self, bad: NDArray, what: str, values: Array | None = None, dimension: str = ""
-    ) -> None:
-        """Report tests that are bad, with their values in place of the braces."""
-        for i in np.flatnonzero(bad & ~self._bad):
-            value = "" if values is None else float(values[i])
-            place = self._rows.test_of(self._rows.first[i])
-            self._rows.problems.add(place, what.format(value), dimension, of_test=True)
-        self._bad |= bad
+def _refuse(
+    rows: Rows, bad: NDArray, what: str, values: Array | None = None, dimension: str = ""
+) -> None:
+    """Record tests that are bad as errors, with their values in place of the braces."""
+    for i in np.flatnonzero(bad).tolist():
+        rows.refuse_test(i, what.format("" if values is None else float(values[i])), dimension)
 
 
 def reference_tube(
@@ -73,18 +63,17 @@ def reference_tube(
     convention, radii_of : str or None
         Which angle, and the radii of what.
     """
-    tests = _Tests(rows)
     with np.errstate(invalid="ignore", divide="ignore"):  # of tests that are refused
-        angle = _whole_angle(tests, known["opening_angle"], convention, radii_of)
+        angle = _whole_angle(rows, known["opening_angle"], convention, radii_of)
         inner, outer = known["inner_radius"], known["outer_radius"]
         if wall:
             k = np.ones_like(angle) if radii_of == "ring" else opening_factor(angle)
-            inner, outer = _completed(tests, inner, outer, wall, k)
+            inner, outer = _completed(rows, inner, outer, wall, k)
         if radii_of == "ring":
-            _check_ring(tests, inner, outer, angle)
+            _check_ring(rows, inner, outer, angle)
             inner, outer = opened_sector(inner, outer, opening_angle=angle)
             bent = "the ring would bend inside out, opening_angle is {:.6g} rad as a whole; check "
-            tests.refuse(inner <= 0, f"{bent}its sign", angle)
+            _refuse(rows, inner <= 0, f"{bent}its sign", angle)
     return {"inner_radius": inner, "outer_radius": outer, "opening_angle": angle}
 
 
@@ -107,12 +96,12 @@ def errors_of_tube(
     for name, sd in errors.items():
         bad = ~(np.isfinite(sd) & (sd >= 0))
         what = f"the error of {name} is {{:.6g}}; expected a positive number"
-        _Tests(rows).refuse(bad, what, sd)
+        _refuse(rows, bad, what, sd)
     return {f"{name}_sd": sd for name, sd in errors.items()}
 
 
 def _whole_angle(
-    tests: _Tests, angle: Array, convention: Convention | None, radii_of: RadiiOf | None
+    rows: Rows, angle: Array, convention: Convention | None, radii_of: RadiiOf | None
 ) -> Array:
     for name, value, options in (
         ("opening_angle_convention", convention, get_args(Convention)),
@@ -121,16 +110,16 @@ def _whole_angle(
         if value is not None and value not in options:
             raise ValueError(f"{name} is {value!r}; expected one of {options}")
     impossible = "opening_angle is {:.6g} rad; " + _DEGREES
-    tests.refuse(np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
+    _refuse(rows, np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
     questions = [_CONVENTIONS] if convention is None else []
     questions += [_REFERENCES] if radii_of is None else []
     cut = np.isfinite(angle) & (angle != 0) & bool(questions)
-    tests.refuse(cut, "opening_angle is {:.6g} rad, and " + "; and ".join(questions), angle)
+    _refuse(rows, cut, "opening_angle is {:.6g} rad, and " + "; and ".join(questions), angle)
     return 2 * angle if convention == "fung" else angle
 
 
 def _completed(
-    tests: _Tests, inner: Array, outer: Array, wall: dict[str, Array], k: Array
+    rows: Rows, inner: Array, outer: Array, wall: dict[str, Array], k: Array
 ) -> tuple[Array, Array]:
     """Both radii, from one of them and one measure of the wall."""
     given = sorted(wall, key=WALL.index)
@@ -146,8 +135,9 @@ def _completed(
             "and outer_radius; expected one of them, and None for the other"
         )
     for name, values in wall.items():
-        tests.refuse(~(values > 0), f"{name} is {{:.6g}}; expected a positive number", values)
-    tests.refuse(
+        _refuse(rows, ~(values > 0), f"{name} is {{:.6g}}; expected a positive number", values)
+    _refuse(
+        rows,
         np.isnan(k) & ("thickness" not in wall),
         f"opening_angle is not known, and the radii of a sector do not follow from {given[0]} "
         'without it: give the thickness, or radii_of="ring" with the angle',
@@ -160,26 +150,28 @@ def _completed(
     if np.isnan(outer).all():
         return inner, np.sqrt(inner**2 + squares)
     too_thick = "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius"
-    tests.refuse(squares >= outer**2, too_thick, area)
+    _refuse(rows, squares >= outer**2, too_thick, area)
     return np.sqrt(outer**2 - squares), outer
 
 
-def _check_ring(tests: _Tests, inner: Array, outer: Array, angle: Array) -> None:
+def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
     """Refuse tests unless the ring is one, and its opening is known."""
     some, both = ~(np.isnan(inner) & np.isnan(outer)), ~(np.isnan(inner) | np.isnan(outer))
-    tests.refuse(
+    _refuse(
+        rows,
         some & np.isnan(angle),
         "the radii are those of a closed ring, and without its opening_angle those of the sector "
         'are not known: give the angle, or None for both radii, or radii_of="sector"',
     )
-    tests.refuse(
+    _refuse(
+        rows,
         some & ~both & (angle != 0),
         "of the closed ring one radius is not known; to know the sector it takes both, or one and "
         "thickness, wall_area, or wall_volume and length",
     )
     positive = "inner_radius is {:.6g} mm; expected a positive one"
-    tests.refuse(both & (inner <= 0), positive, inner)
+    _refuse(rows, both & (inner <= 0), positive, inner)
     larger = "outer_radius of the ring is {:.6g} mm; expected more than inner_radius"
-    tests.refuse(both & (outer <= inner), larger, outer)
+    _refuse(rows, both & (outer <= inner), larger, outer)
     impossible = "opening_angle is {:.6g} rad as a whole; " + _DEGREES
-    tests.refuse(both & (np.abs(angle) >= 2 * np.pi), impossible, angle, "angle")
+    _refuse(rows, both & (np.abs(angle) >= 2 * np.pi), impossible, angle, "angle")

@@ -290,7 +290,8 @@ def _found(
     dimension = spec.dimension if "_unit=" in expected else ""
     for i in np.flatnonzero(bad):
         what = f"{name} is {values[i]:.6g}{unit}; {expected}"
-        yield Problem(place(data, int(i)), what, dimension, of_test)
+        test = int(i if of_test else data.variables["test"].values[i])
+        yield Problem(place(data, int(i)), what, dimension, of_test, test)
 
 
 def listed(labels: Iterable[Hashable]) -> str:

@@ -66,18 +66,16 @@ def order_of_points(
     compared = {
         name: points[name] for name in (measured, "pressure", "axial_force") if name in points
     }
-    repeated = _repeated(rows, compared, tests, np.where(varying[rows.test], stretch, np.nan))
+    _refuse_repeated(rows, compared, tests, np.where(varying[rows.test], stretch, np.nan))
     order = []
     for own in tests:
         extended = varying[rows.test[own[0]]] and clearly_extended(stretch[own])
         name = "axial_stretch" if extended else measured
         along = stretch[own] if extended else points[measured][own]
         pressure = None if extended else points["pressure"][own]
-        in_order = (
-            own if rows.test[own[0]] in repeated else _sorted(rows, own, name, along, pressure)
-        )
-        order.append(in_order)
-        if not np.array_equal(in_order, own):
+        failed = rows.test[own[0]] in rows.failed
+        order.append(own if failed else _sorted(rows, own, name, along, pressure))
+        if not np.array_equal(order[-1], own):
             rows.problems.doubt(
                 "order",
                 rows.place(own[_first_turn(along)]),
@@ -105,8 +103,8 @@ def _sorted(rows: Rows, points: Points, name: str, along: Array, pressure: Array
     else:
         return points
     sort = "sort them" if rows.of_files else f"sort them, frame.sort_values({name!r})"
-    rows.problems.add(
-        rows.place(points[_first_turn(along)]),
+    rows.refuse(
+        points[_first_turn(along)],
         f"{name} turns back here, {why}: name loading and unloading in a column 'phase', cycles "
         "in a column 'cycle', and choose with ph.select(data, phase=...); or, if the rows were "
         f"only shuffled, {sort}",
@@ -146,10 +144,10 @@ def _turns(x: Array) -> int:
     return turns
 
 
-def _repeated(
+def _refuse_repeated(
     rows: Rows, compared: dict[str, Array], tests: list[Points], stretch: Array
-) -> set[int]:
-    """Tests of which a row repeats another at the same stretch, which is an error."""
+) -> None:
+    """Refuse a row that repeats another of its test, at the same stretch: it would count twice."""
     if np.isfinite(stretch).any():
         compared = {"axial_stretch": stretch} | compared
     values = np.column_stack(list(compared.values()))
@@ -162,8 +160,7 @@ def _repeated(
         first = next(j for j in points if np.array_equal(values[j], values[i], equal_nan=True))
         found = zip(compared, values[i], strict=True)
         cells = ", ".join(f"{name} {x:.6g}" for name, x in found if np.isfinite(x))
-        rows.problems.add(
-            rows.place(i),
+        rows.refuse(
+            i,
             f"repeats {row_text(rows.frame.index[first])} ({cells}), and would count twice: {drop}",
         )
-    return {*rows.test[twice].tolist()}

@@ -214,7 +214,6 @@ def inflation_data(
     values |= errors_of_tube(rows, errors, opening_angle_convention, radii_of)
     group = labels_of(rows.frame, "group") if "group" in rows.frame else np.full(len(order), "all")
     groups = rows.constant("group", group)
-    problems.stop()
     if measured == "outer_diameter":
         geometry = {name: values[name][rows.test[order]] for name in tube}
         geometry["axial_stretch"] = stretch[order]
@@ -224,8 +223,9 @@ def inflation_data(
                 values["outer_diameter"] / 2, **geometry
             )
     data = _dataset(rows, order, values, groups, "obs" if varying.any() else "test")
-    for defect in defects_of(data):
-        problems.add(*defect)
+    for place, what, dimension, of_test, test in defects_of(data):
+        if test not in rows.failed:
+            problems.add(place, what, dimension, of_test)
     problems.stop()
     check_inflation_data(data)
     rows.doubt_overlooked("axial_stretch", axial_stretch)

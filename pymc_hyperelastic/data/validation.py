@@ -27,6 +27,7 @@ class Problem(NamedTuple):
     dimension: str = ""
     of_test: bool = False
     """True if the place is a whole test: tests with the same problem are counted, not listed."""
+    test: int = -1
 
 
 @dataclass
@@ -63,7 +64,7 @@ class Problems:
             warnings.warn(message, skip_file_prefixes=(PACKAGE,))
 
     def _message(self, same: Sequence[Problem], advice: str = "") -> str:
-        place, what, dimension, _ = same[0]
+        place, what, dimension, *_ = same[0]
         others = len(same) - 1
         message = f"{place}: {what}" if place else what
         if others:

@@ -77,6 +77,18 @@ def test_bad_table_is_refused_with_place_and_value(call, message):
         call()
 
 
+def test_all_wrong_cells_of_a_table_are_reported_at_once():
+    frame = changed("radius", 11, "8,0", axial_force=1.0).astype({"pressure": object})
+    frame.loc[14, "pressure"] = None
+    with pytest.raises(ValueError) as error:
+        build(frame)
+    assert str(error.value).splitlines() == [
+        "2 problems:",
+        f"- {S1E1}, row 11: radius is '8,0', not a number; correct it (decimal points, no units)",
+        "- specimen 'S2', experiment 1, row 14: pressure is missing (nan); fill it or drop the row",
+    ]
+
+
 def test_other_types_are_refused():
     for call, message in (
         (lambda: build([1, 2]), "pandas DataFrame, not list"),
