@@ -42,7 +42,7 @@ def study_of(
         if name in table.frame
     ]
     frames = {table: table.frame.assign(**of_table) for table, of_table in constants.items()}
-    problems += _not_found(tables, settings) + _missing(frames, others)
+    problems += _not_found(tables, settings) + _missing(frames, others, settings)
     refuse(problems)
     frame, idle = joined(pd.concat(frames.values()), [table.frame for table in others])
     frame, unused = _chosen(frame, settings, ", ".join(table.file for table in tables))
@@ -101,9 +101,12 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     ]
 
 
-def _missing(points: dict[Table, pd.DataFrame], others: list[Table]) -> list[str]:
+def _missing(
+    points: dict[Table, pd.DataFrame], others: list[Table], settings: Settings
+) -> list[str]:
     """Columns that the tables need and do not have."""
-    needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
+    measured = settings.conventions.get("measured")
+    needed = [("specimen",), ("experiment",), (measured,) if measured else MEASURED, ("pressure",)]
     problems = []
     for table, frame in (points or {table: table.frame for table in others}).items():
         # A column that is known and empty is a problem of its table.
