@@ -16,6 +16,7 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
 Array = NDArray[np.float64]
 
@@ -23,24 +24,24 @@ Array = NDArray[np.float64]
 _SEED = 1
 # Materials whose properties are found at once.
 _AT_ONCE = 20_000
-PROPERTIES = {
-    "radius": "mm",
-    "outer_radius": "mm",
-    "stiffness": "kPa/mm",
-    "compliance": "mm²/kPa",
-    "distensibility": "1/kPa",
-    "peterson_modulus": "kPa",
-    "incremental_modulus": "kPa",
-    "pulse_wave_velocity": "m/s",
-    "circumferential_stress": "kPa",
-    "axial_stress": "kPa",
-    "circumferential_material_stiffness": "kPa",
-    "axial_material_stiffness": "kPa",
-    "stored_energy": "kPa",
-    "stored_energy_change": "kPa",
-    "in_vivo_axial_stretch": "1",
-}
-"""Properties of a tube, and their units."""
+# Properties of a tube that classes are compared by.
+PROPERTIES = (
+    "radius",
+    "outer_radius",
+    "stiffness",
+    "compliance",
+    "distensibility",
+    "peterson_modulus",
+    "incremental_modulus",
+    "pulse_wave_velocity",
+    "circumferential_stress",
+    "axial_stress",
+    "circumferential_material_stiffness",
+    "axial_material_stiffness",
+    "stored_energy",
+    "stored_energy_change",
+    "in_vivo_axial_stretch",
+)
 _LOGARITHM = "log "
 BETWEEN_PRESSURES = ("stored_energy_change", "in_vivo_axial_stretch")
 
@@ -90,7 +91,7 @@ def unit_of(name: str, kind: Variability) -> str | None:
         return None
     if bare != name or bare in kind.scale.names:
         return "1"
-    return PROPERTIES.get(bare, "")
+    return unit_text(IN_RESULTS[bare].unit) if bare in PROPERTIES else ""
 
 
 def is_logarithm(name: str, kind: Variability) -> bool:

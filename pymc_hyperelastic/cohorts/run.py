@@ -15,7 +15,7 @@ from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, labels_of
 from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
-from pymc_hyperelastic.data.select import tests_of_many, units_of
+from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.io.store import Store
@@ -76,7 +76,7 @@ def run_cohort(
     tests, remarks = [*units.values()], Remarks([], [])
 
     def of(batch: Batch) -> xr.Dataset:
-        return tests_of_many(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
+        return tests_at(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
 
     with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task(work.name, completed=0, total=len(units))

@@ -1,80 +1,91 @@
 """Columns of a table of measured points: labels and numbers, and an error where they are neither.
 
-A specimen and an experiment, and where they are named a cycle and a phase, make one test.
+A specimen and an experiment, and a cycle and a phase if they have columns, make one test.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.inflation import OPTIONAL_LABELS, file_of, listed, row_text
 from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.data.validation import Problems
 from pymc_hyperelastic.messages import shown
 
 # Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
 # from different units differ by rounding errors.
 _ROUNDING = 1e-9
 # Labels that together name a test; a table may lack the last two.
-LABELS = ("specimen", "experiment", "cycle", "phase")
+LABELS = ("specimen", "experiment", *OPTIONAL_LABELS)
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of a frame, and to which test each belongs.
-
-    Examples
-    --------
-    >>> frame = pd.DataFrame({"specimen": "S1", "experiment": [2, 2, 5], "A": [7.0, 7.0, 8.0]})
-    >>> rows = rows_of(frame)
-    >>> rows.of_tests("inner_radius", "A")
-    array([7., 8.])
-    >>> rows.place(2)
-    "specimen 'S1', experiment 5, row 2"
-    """
+    """The rows of a frame, and to which test each belongs."""
 
     frame: pd.DataFrame
+    problems: Problems
     labels: dict[str, np.ndarray]
     test: np.ndarray
     first: np.ndarray
+    """First row of each test."""
+    failed: set[int] = field(default_factory=set)
+    """Tests with errors."""
+
+    @property
+    def of_files(self) -> bool:
+        """True if the index names files and lines."""
+        return bool(file_of(self.frame.index[0]))
 
     def place(self, i: int) -> str:
         """Test and label of a row, as messages name them."""
-        return f"{self.test_of(i)}, row {self.frame.index[i]}"
+        return f"{self._labels_of(i)}, {row_text(self.frame.index[i])}"
 
     def test_of(self, i: int) -> str:
         """Test of a row, as messages name it."""
+        file = file_of(self.frame.index[i])
+        return f"{file}: {self._labels_of(i)}" if file else self._labels_of(i)
+
+    def _labels_of(self, i: int) -> str:
         return ", ".join(f"{name} {label[i].item()!r}" for name, label in self.labels.items())
 
     def numbers(self, column: str, *, may_be_missing: bool = False) -> np.ndarray:
-        """Read a column as finite floats; numbers that came as text are fine."""
+        """Read a column as floats, NaN if a cell is wrong; numbers that came as text are fine."""
         numbers = np.full(len(self.frame), np.nan)
         for i, value in enumerate(self.frame[column].tolist()):
             if pd.isna(value):
-                if may_be_missing:
-                    continue
-                raise ValueError(
-                    f"{self.place(i)}: {column} is missing (nan); fill it or drop the row"
-                )
+                if not may_be_missing:
+                    self.refuse(i, f"{column} is missing (nan); fill it or drop the row")
+                continue
             try:
                 if isinstance(value, bool):
                     raise TypeError("bool is a number to Python")
                 numbers[i] = float(value)
             except (TypeError, ValueError, OverflowError):
-                raise ValueError(
-                    f"{self.place(i)}: {column} is {shown(value)}, not a number; correct it "
-                    "(decimal points, no units)"
-                ) from None
+                self.refuse(
+                    i,
+                    f"{column} is {shown(value)}, not a number; correct it (decimal points, no "
+                    "units)",
+                )
+                continue
             if not np.isfinite(numbers[i]):
-                raise ValueError(f"{self.place(i)}: {column} is {value}; expected a finite number")
+                self.refuse(i, f"{column} is {value}; expected a finite number")
         return numbers
 
-    def of_tests(self, name: str, given: float | str | None) -> np.ndarray:
-        """One number a test: NaN for None, that of a number, that of a column by its name."""
-        values = self.of_points(name, given)
-        return self.constant(name, values) if isinstance(given, str) else values[self.first]
+    def refuse(self, i: int, what: str) -> None:
+        """Record an error of a row."""
+        self.failed.add(int(self.test[i]))
+        self.problems.add(self.place(i), what)
+
+    def refuse_test(self, test: int, what: str, dimension: str = "") -> None:
+        """Record an error of a test that has none yet."""
+        if test not in self.failed:
+            self.failed.add(test)
+            place = self.test_of(self.first[test])
+            self.problems.add(place, what, dimension, of_test=True)
 
     def of_points(self, name: str, given: float | str | None) -> np.ndarray:
         """One number a row: NaN for None, that of a number, those of a column by its name."""
@@ -94,55 +105,54 @@ class Rows:
                 "unknown"
             )
         if np.isnan(given):
-            raise ValueError(f"{name} is {given}; where it is not known, give None")
+            raise ValueError(f"{name} is {given}; if it is not known, give None")
         return np.full(self.test.size, float(given))
 
-    def overlooked(self, name: str, given: float | str | None) -> list[str]:
-        """What to doubt where a number was taken, and a column of its name says something else."""
-        if isinstance(given, str) or given is None or name not in self.frame:
-            return []
-        column = pd.to_numeric(self.frame[name], errors="coerce")
-        if not (column.notna() & (column != given)).any():
-            return []
-        return [
-            f"the frame has a column {name!r} with values other than {given:g}, which is taken for "
-            f"all rows: to take the column, say {name}={name!r}"
-        ]
+    def of_tests(self, name: str, given: float | str | None) -> np.ndarray:
+        """One number a test, likewise; a column must not change within a test."""
+        values = self.of_points(name, given)
+        return self.constant(name, values) if isinstance(given, str) else values[self.first]
 
     def constant(self, name: str, values: np.ndarray) -> np.ndarray:
-        """One value a test, or an error at the first row that differs from its test's first."""
+        """One value a test, and an error at rows that differ from their test's first."""
         of_test = values[self.first]
         expected = of_test[self.test]
-        varying = np.flatnonzero(differ(values, expected))
-        if varying.size:
-            i = varying[0]
-            raise ValueError(
-                f"{self.place(i)}: {name} is {values[i].item()!r}, but {expected[i].item()!r} in "
-                "the first row of this experiment; it must not change within one: correct it, or "
-                "give the rows another experiment label"
+        for i in np.flatnonzero(differ(values, expected)).tolist():
+            self.refuse(
+                i,
+                f"{name} is {values[i].item()!r}, but {expected[i].item()!r} in the first row of "
+                "this experiment; it must not change within one: correct it, or give the rows "
+                "another experiment label",
             )
         return of_test
 
+    def doubt_overlooked(self, name: str, given: float | str | None) -> None:
+        """Doubt a number that is given though a column of its name says something else."""
+        if isinstance(given, str) or given is None or name not in self.frame:
+            return
+        column = pd.to_numeric(self.frame[name], errors="coerce")
+        if (column.notna() & (column != given)).any():
+            self.problems.doubt(
+                f"overlooked {name}",
+                "",
+                f"the frame has a column {name!r} with values other than {given:g}, which is taken "
+                f"for all rows: to take the column, say {name}={name!r}",
+            )
+
 
 def differ(values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return True where values differ; numbers must differ by more than rounding errors.
-
-    Examples
-    --------
-    >>> differ(np.array([6.9, 7.0]), np.array([0.0069 * 1000, 7.1])).tolist()
-    [False, True]
-    """
+    """Return True where values differ; numbers must differ by more than rounding errors."""
     different = values != others
     if values.dtype.kind == "f" == others.dtype.kind:
-        different &= ~np.isclose(values, others, rtol=_ROUNDING, atol=0)
+        different &= ~np.isclose(values, others, rtol=_ROUNDING, atol=0, equal_nan=True)
     return different
 
 
-def rows_of(frame: pd.DataFrame) -> Rows:
+def rows_of(frame: pd.DataFrame, problems: Problems) -> Rows:
     """Rows of a frame that has the columns it needs, see :func:`check_frame`."""
     labels = {name: labels_of(frame, name) for name in LABELS if name in frame}
     test, _ = pd.factorize(pd.MultiIndex.from_arrays(list(labels.values())))
-    return Rows(frame, labels, test, np.unique(test, return_index=True)[1])
+    return Rows(frame, problems, labels, test, np.unique(test, return_index=True)[1])
 
 
 def check_frame(frame: pd.DataFrame, measured: str) -> None:

@@ -9,14 +9,16 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.columns import Rows
 from pymc_hyperelastic.mechanics.tube import opened_sector, opening_factor
 
 Convention = Literal["whole", "fung"]
 RadiiOf = Literal["sector", "ring"]
 Array = NDArray[np.float64]
 
-# Powers of a length in which each measure of the wall is.
-WALL = {"thickness": 1, "wall_area": 2, "wall_volume": 3, "length": 1}
+# Measures of the unloaded wall.
+WALL = ("thickness", "wall_area", "wall_volume", "length")
+_COMPLETE_WALLS = (["thickness"], ["wall_area"], ["wall_volume", "length"])
 
 _CONVENTIONS = (
     "two conventions are in use; say which is meant: "
@@ -29,19 +31,30 @@ _REFERENCES = (
     'radii_of="ring" if the radii are those of the closed unloaded ring, before it was cut; '
     '"sector" if they are those of the sector to which it opened'
 )
+_DEGREES = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
+
+
+def _refuse(
+    rows: Rows, bad: NDArray, what: str, values: Array | None = None, dimension: str = ""
+) -> None:
+    """Record tests that are bad as errors, with their values in place of the braces."""
+    for i in np.flatnonzero(bad).tolist():
+        rows.refuse_test(i, what.format("" if values is None else float(values[i])), dimension)
 
 
 def reference_tube(
+    rows: Rows,
     known: dict[str, Array],
     wall: dict[str, Array],
     convention: Convention | None,
     radii_of: RadiiOf | None,
-    places: list[str],
 ) -> dict[str, Array]:
     """Radii of the opened sector and the whole angle that it lacks, one number a test.
 
     Parameters
     ----------
+    rows : Rows
+        Whose tests these are, for messages.
     known : dict
         ``inner_radius``, ``outer_radius`` (mm), ``opening_angle`` (rad), NaN where unknown.
     wall : dict
@@ -49,50 +62,28 @@ def reference_tube(
         ``length`` (mm), of the unloaded ring.
     convention, radii_of : str or None
         Which angle, and the radii of what.
-    places : list of str
-        What messages call each test.
-
-    Examples
-    --------
-    A ring of radii 1.0 and 1.2 mm that opens by Fung's 90 degrees has a sector of half a circle:
-
-    >>> ring = {"inner_radius": 1.0, "outer_radius": 1.2, "opening_angle": np.pi / 2}
-    >>> ring = {name: np.array([value]) for name, value in ring.items()}
-    >>> reference_tube(ring, {}, "fung", "ring", ["S1"])["inner_radius"]
-    array([2.1])
     """
-    angle = _whole_angle(known["opening_angle"], convention, radii_of, places)
-    of_ring = radii_of == "ring"
-    inner, outer = known["inner_radius"], known["outer_radius"]
-    if wall:
-        k = np.ones_like(angle) if of_ring else opening_factor(angle)
-        inner, outer = _completed(inner, outer, wall, k, places)
-    if of_ring:
-        _check_ring(inner, outer, angle, places)
-        inner, outer = opened_sector(inner, outer, opening_angle=angle)
-        _refuse(
-            inner <= 0,
-            places,
-            "the ring would bend inside out, opening_angle is "
-            "{:.6g} rad as a whole; check its sign",
-            angle,
-        )
+    with np.errstate(invalid="ignore", divide="ignore"):  # of tests that are refused
+        angle = _whole_angle(rows, known["opening_angle"], convention, radii_of)
+        inner, outer = known["inner_radius"], known["outer_radius"]
+        if wall:
+            k = np.ones_like(angle) if radii_of == "ring" else opening_factor(angle)
+            inner, outer = _completed(rows, inner, outer, wall, k)
+        if radii_of == "ring":
+            _check_ring(rows, inner, outer, angle)
+            inner, outer = opened_sector(inner, outer, opening_angle=angle)
+            bent = "the ring would bend inside out, opening_angle is {:.6g} rad as a whole; check "
+            _refuse(rows, inner <= 0, f"{bent}its sign", angle)
     return {"inner_radius": inner, "outer_radius": outer, "opening_angle": angle}
 
 
 def errors_of_tube(
+    rows: Rows,
     errors: dict[str, Array],
     convention: Convention | None,
     radii_of: RadiiOf | None,
-    places: list[str],
 ) -> dict[str, Array]:
-    """Standard deviations of measures of the sector, of those that were given; with their units.
-
-    Examples
-    --------
-    >>> errors_of_tube({"opening_angle": np.array([0.1])}, "fung", "ring", ["S1"])
-    {'opening_angle_sd': array([0.2])}
-    """
+    """Standard deviations of measures of the sector, from the given ones."""
     if radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
         raise ValueError(
             f"geometry_sd holds {radii[0]!r}, but the radii are those of the ring, and models take "
@@ -104,12 +95,13 @@ def errors_of_tube(
         errors |= {"opening_angle": errors["opening_angle"] * (2 if convention == "fung" else 1)}
     for name, sd in errors.items():
         bad = ~(np.isfinite(sd) & (sd >= 0))
-        _refuse(bad, places, f"the error of {name} is {{:.6g}}; expected a positive number", sd)
+        what = f"the error of {name} is {{:.6g}}; expected a positive number"
+        _refuse(rows, bad, what, sd)
     return {f"{name}_sd": sd for name, sd in errors.items()}
 
 
 def _whole_angle(
-    angle: Array, convention: Convention | None, radii_of: RadiiOf | None, places: list[str]
+    rows: Rows, angle: Array, convention: Convention | None, radii_of: RadiiOf | None
 ) -> Array:
     for name, value, options in (
         ("opening_angle_convention", convention, get_args(Convention)),
@@ -117,27 +109,21 @@ def _whole_angle(
     ):
         if value is not None and value not in options:
             raise ValueError(f"{name} is {value!r}; expected one of {options}")
-    _refuse(
-        np.abs(angle) >= 2 * np.pi,
-        places,
-        "opening_angle is {:.6g} rad; expected an angle between -2 pi and 2 pi: for degrees, say "
-        'angle_unit="deg"',
-        angle,
-    )
-    # What is asked, all at once.
-    asked = [_CONVENTIONS] if convention is None else []
-    asked += [_REFERENCES] if radii_of is None else []
-    cut = np.isfinite(angle) & (angle != 0) & bool(asked)
-    _refuse(cut, places, "opening_angle is {:.6g} rad, and " + "; and ".join(asked), angle)
+    impossible = "opening_angle is {:.6g} rad; " + _DEGREES
+    _refuse(rows, np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
+    questions = [_CONVENTIONS] if convention is None else []
+    questions += [_REFERENCES] if radii_of is None else []
+    cut = np.isfinite(angle) & (angle != 0) & bool(questions)
+    _refuse(rows, cut, "opening_angle is {:.6g} rad, and " + "; and ".join(questions), angle)
     return 2 * angle if convention == "fung" else angle
 
 
 def _completed(
-    inner: Array, outer: Array, wall: dict[str, Array], k: Array, places: list[str]
+    rows: Rows, inner: Array, outer: Array, wall: dict[str, Array], k: Array
 ) -> tuple[Array, Array]:
-    """Both radii, of one of them and one measure of the wall."""
-    given = sorted(wall, key=list(WALL).index)
-    if given not in (["thickness"], ["wall_area"], ["wall_volume", "length"]):
+    """Both radii, from one of them and one measure of the wall."""
+    given = sorted(wall, key=WALL.index)
+    if given not in _COMPLETE_WALLS:
         raise ValueError(
             f"of the wall {', '.join(given)} {'is' if len(given) == 1 else 'are'} given; expected "
             "thickness, or wall_area, or wall_volume with length"
@@ -149,10 +135,10 @@ def _completed(
             "and outer_radius; expected one of them, and None for the other"
         )
     for name, values in wall.items():
-        _refuse(~(values > 0), places, f"{name} is {{:.6g}}; expected a positive number", values)
+        _refuse(rows, ~(values > 0), f"{name} is {{:.6g}}; expected a positive number", values)
     _refuse(
+        rows,
         np.isnan(k) & ("thickness" not in wall),
-        places,
         f"opening_angle is not known, and the radii of a sector do not follow from {given[0]} "
         'without it: give the thickness, or radii_of="ring" with the angle',
     )
@@ -163,53 +149,29 @@ def _completed(
     squares = k * area / np.pi
     if np.isnan(outer).all():
         return inner, np.sqrt(inner**2 + squares)
-    _refuse(
-        squares >= outer**2,
-        places,
-        "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius",
-        area,
-    )
+    too_thick = "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius"
+    _refuse(rows, squares >= outer**2, too_thick, area)
     return np.sqrt(outer**2 - squares), outer
 
 
-def _check_ring(inner: Array, outer: Array, angle: Array, places: list[str]) -> None:
-    """Raise unless the ring is one, and it is known how it opens."""
+def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
+    """Refuse tests unless the ring is one, and its opening is known."""
     some, both = ~(np.isnan(inner) & np.isnan(outer)), ~(np.isnan(inner) | np.isnan(outer))
     _refuse(
+        rows,
         some & np.isnan(angle),
-        places,
         "the radii are those of a closed ring, and without its opening_angle those of the sector "
         'are not known: give the angle, or None for both radii, or radii_of="sector"',
     )
     _refuse(
+        rows,
         some & ~both & (angle != 0),
-        places,
         "of the closed ring one radius is not known; to know the sector it takes both, or one and "
         "thickness, wall_area, or wall_volume and length",
     )
-    _refuse(
-        both & (inner <= 0), places, "inner_radius is {:.6g} mm; expected a positive one", inner
-    )
-    _refuse(
-        both & (outer <= inner),
-        places,
-        "outer_radius of the ring is {:.6g} mm; expected more than inner_radius",
-        outer,
-    )
-    _refuse(
-        both & (np.abs(angle) >= 2 * np.pi),
-        places,
-        "opening_angle is {:.6g} rad as a whole; expected an angle between -2 pi and 2 pi: for "
-        'degrees, say angle_unit="deg"',
-        angle,
-    )
-
-
-def _refuse(
-    bad: NDArray[np.bool_], places: list[str], message: str, values: Array | None = None
-) -> None:
-    """Raise at the first test that is bad."""
-    where = np.flatnonzero(bad)
-    if where.size:
-        value = "" if values is None else float(values[where[0]])
-        raise ValueError(f"{places[where[0]]}: {message.format(value)}")
+    positive = "inner_radius is {:.6g} mm; expected a positive one"
+    _refuse(rows, both & (inner <= 0), positive, inner)
+    larger = "outer_radius of the ring is {:.6g} mm; expected more than inner_radius"
+    _refuse(rows, both & (outer <= inner), larger, outer)
+    impossible = "opening_angle is {:.6g} rad as a whole; " + _DEGREES
+    _refuse(rows, both & (np.abs(angle) >= 2 * np.pi), impossible, angle, "angle")

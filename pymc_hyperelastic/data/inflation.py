@@ -5,90 +5,74 @@ Dimension ``obs`` holds the measured points, dimension ``test`` the experiments.
 angles in rad.
 
 In an *inflation test* the axial stretch is held; in an *extension test* it varies from point to
-point, mostly while the pressure is held. Where there are extension tests ``axial_stretch`` lies on
-``obs``, for all tests; who needs it, or another measure of the tube, asks :func:`at_points`.
+point, mostly at a held pressure. If there are extension tests, ``axial_stretch`` lies on ``obs``,
+for all tests; :func:`at_points` returns it, or another measure of the tube, at every point.
 """
 
-from collections.abc import Hashable, Iterable
-from functools import partial
+from collections.abc import Hashable, Iterable, Iterator
 from math import pi
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.validation import Problem
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import IN_TABLES, MEASURES
 
-# Labels that a message names.
+# Labels that a message lists.
 _MOST_LISTED = 30
-# Relative: a stretch that varies by less was held, and is rounded.
+# Relative variation below which an axial stretch was held, and is rounded.
 _ROUNDING = 1e-9
 
-# What the Dataset holds: name, (dimension, unit, name for people). The axial stretch lies on "obs"
-# where there are extension tests.
-VARIABLES = {
-    "radius": ("obs", "mm", "internal radius"),
-    "pressure": ("obs", "kPa", "pressure"),
-    "inner_radius": ("test", "mm", "inner radius of the reference tube"),
-    "outer_radius": ("test", "mm", "outer radius of the reference tube"),
-    "axial_stretch": ("test", "1", "axial stretch"),
-    "opening_angle": ("test", "rad", "opening angle of the cut ring"),
+REQUIRED = ("radius", "pressure", *GEOMETRY)
+OPTIONAL = ("outer_diameter", "axial_force", *(f"{name}_sd" for name in MEASURES))
+LABELS = ("specimen", "experiment", "group")
+# Labels of tests if an experiment holds several curves.
+OPTIONAL_LABELS = ("cycle", "phase")
+# Coordinates of points.
+POINTS = {
+    "test": "inflation experiment that the point belongs to",
+    "row": "row of the point in its table",
 }
-# What it may hold.
-OPTIONAL = {
-    "outer_diameter": ("obs", "mm", "outer diameter"),
-    "axial_force": ("obs", "mN", "reduced axial force"),
-}
-# All measures that may state a tube, and the unit of each; they may have errors.
-MEASURES = {
-    "inner_radius": "mm",
-    "outer_radius": "mm",
-    "thickness": "mm",
-    "wall_area": "mm2",
-    "axial_stretch": "1",
-    "opening_angle": "rad",
-}
-OPTIONAL |= {
-    f"{name}_sd": ("test", unit, f"standard deviation of the {name.replace('_', ' ')}")
-    for name, unit in MEASURES.items()
-}
-COORDINATES = {
-    "test": ("obs", "1", "inflation experiment that the point belongs to"),
-    "row": ("obs", "1", "row of the point in its table"),
-    "specimen": ("test", "1", "specimen"),
-    "experiment": ("test", "1", "experiment on the specimen"),
-    "group": ("test", "1", "group"),
-}
-# Where an experiment holds more than one curve.
-OPTIONAL_COORDINATES = {
-    "cycle": ("test", "1", "cycle of the experiment"),
-    "phase": ("test", "1", "phase of the cycle"),
-}
+
+
+def names_of_test(data: xr.Dataset) -> list[str]:
+    """Names of the labels that together name a test."""
+    names = ("specimen", "experiment", *OPTIONAL_LABELS)
+    return [name for name in names if name in data.coords]
 
 
 def describe_test(data: xr.Dataset, i: int) -> str:
-    """Specimen and experiment of the test at position `i`, as messages name it.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> describe_test(load_dataset("simulated_sheep_aorta"), 5)
-    "specimen 'S2', experiment 3"
-    """
-    names = [n for n in ("specimen", "experiment", "cycle", "phase") if n in data.coords]
+    """Specimen and experiment of the test at position `i`, as messages name it."""
+    names = names_of_test(data)
     return ", ".join(f"{name} {data[name].values[[i]].tolist()[0]!r}" for name in names)
 
 
-def points_of(data: xr.Dataset, i: int) -> slice:
-    """Positions along dimension ``obs`` of the points of test `i`, counted from 0.
+def file_of(row: Hashable) -> str:
+    """File of a row that is labelled by file and line, or nothing."""
+    return row.rpartition(", line ")[0] if isinstance(row, str) else ""
 
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> points_of(load_dataset("simulated_sheep_aorta"), 2)
-    slice(40, 60, None)
-    """
+
+def row_text(row: Hashable) -> str:
+    """A row as messages name it: by its file and line, or by its label in the frame."""
+    return str(row) if file_of(row) else f"row {row}"
+
+
+def place_of_test(data: xr.Dataset, i: int) -> str:
+    """File and labels of a test, as messages name it."""
+    file = file_of(data["row"].values[points_of(data, i).start].item()) if "row" in data else ""
+    return f"{file}: {describe_test(data, i)}" if file else describe_test(data, i)
+
+
+def _place_of_point(data: xr.Dataset, i: int) -> str:
+    row = row_text(data["row"].values.tolist()[i]) if "row" in data.coords else f"point {i}"
+    return f"{describe_test(data, int(data['test'].values[i]))}, {row}"
+
+
+def points_of(data: xr.Dataset, i: int) -> slice:
+    """Positions along dimension ``obs`` of the points of test `i`, counted from 0."""
     points = np.flatnonzero(data["test"].values == i)
     if not points.size:
         raise IndexError(f"no test {i} in the data, which have {data.sizes['test']} tests from 0")
@@ -96,14 +80,7 @@ def points_of(data: xr.Dataset, i: int) -> slice:
 
 
 def at_points(data: xr.Dataset, name: str) -> NDArray[np.float64]:
-    """A measure of the tube at every point, whether it lies on ``test`` or varies within a test.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> at_points(load_dataset("simulated_sheep_aorta"), "axial_stretch").shape
-    (300,)
-    """
+    """A measure of the tube at every point, whether it lies on ``test`` or varies within a test."""
     return _at_points(data, data[name]).astype(float)
 
 
@@ -114,118 +91,133 @@ def _at_points(data: xr.Dataset, variable: xr.DataArray) -> NDArray:
 def evenly_along(
     x: NDArray[np.float64], values: NDArray[np.float64], count: int
 ) -> NDArray[np.float64]:
-    """Values at `count` places that are spread evenly between the ends of `x`.
+    """Values, interpolated linearly, at `count` places evenly between the ends of `x`.
 
-    Between points, which may stand in any order, values are linear.
-
-    Examples
-    --------
-    >>> evenly_along(np.array([1.4, 1.0, 1.1]), np.array([8.0, 2.0, 4.0]), 3).round(6)
-    array([2.      , 5.333333, 8.      ])
+    The points may stand in any order.
     """
     order = np.argsort(x, kind="stable")
     return np.interp(np.linspace(x.min(), x.max(), count), x[order], values[order])
 
 
 def varies(stretch: NDArray[np.float64], test: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """In which tests, numbered from 0, an axial stretch given by points is not one number.
-
-    Examples
-    --------
-    >>> varies(np.array([1.5, 1.5 + 1e-15, 1.2, 1.3]), np.array([0, 0, 1, 1]))
-    array([False,  True])
-    """
+    """Return True for tests in which an axial stretch given by points varies beyond rounding."""
     low, high = np.full((2, int(test.max()) + 1), [[np.inf], [-np.inf]])
-    with np.errstate(invalid="ignore"):  # NaN, where it is not known, is one number
+    with np.errstate(invalid="ignore"):  # NaN, an unknown stretch, is one number
         np.minimum.at(low, test, stretch)
         np.maximum.at(high, test, stretch)
     return high - low > _ROUNDING * np.abs(high)
 
 
 def extension_tests(data: xr.Dataset) -> NDArray[np.bool_]:
-    """Which tests are extension tests: those whose axial stretch varies by more than rounding.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> extension_tests(load_dataset("simulated_sheep_aorta")).any()
-    np.False_
-    """
+    """Return True for extension tests, whose axial stretch varies."""
     if data["axial_stretch"].dims != ("obs",):
         return np.zeros(data.sizes["test"], bool)
     return varies(at_points(data, "axial_stretch"), data["test"].values)
 
 
 def held_stretches(data: xr.Dataset) -> NDArray[np.float64]:
-    """Axial stretch of each test, by test; NaN of an extension test.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> set(held_stretches(load_dataset("simulated_sheep_aorta")).tolist())
-    {1.0}
-    """
+    """Axial stretch of each test; NaN of an extension test."""
     first = [points_of(data, test).start for test in range(data.sizes["test"])]
     return np.where(extension_tests(data), np.nan, at_points(data, "axial_stretch")[first])
 
 
 def measured_radius(data: xr.Dataset) -> xr.DataArray:
-    """The radius that was measured, mm: the internal one, or half of the outer diameter.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> data = load_dataset("simulated_sheep_aorta")
-    >>> measured_radius(data).equals(data["radius"])
-    True
-    """
+    """The measured radius, mm: the internal one, or half of the outer diameter."""
     return data["outer_diameter"] / 2 if "outer_diameter" in data else data["radius"]
 
 
 def check_inflation_data(data: xr.Dataset) -> None:
     """Raise unless `data` is a sound inflation Dataset, as :func:`inflation_data` builds it.
 
-    Whoever makes or alters a Dataset by hand is told here what is wrong with it: a variable that is
-    missing, lies on another dimension, has another unit or is not numeric; points of a test that do
-    not stand together; a value that is not finite or impossible for a tube. The coordinates
+    A variable may be missing, lie on another dimension, have another unit or not be numeric. Points
+    of a test may not stand together. Two tests, or specimens of two groups, may have one label. A
+    value may not be finite, or be impossible for a tube. All these are errors. The coordinates
     ``row``, ``cycle`` and ``phase`` may be missing.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.datasets import load_dataset
-    >>> check_inflation_data(load_dataset("simulated_sheep_aorta"))
     """
+    _check_structure(data)
+    for place, what, *_ in defects_of(data):
+        raise ValueError(f"{place}: {what}")
+
+
+def _check_structure(data: xr.Dataset) -> None:
     if not isinstance(data, xr.Dataset):
         raise TypeError(
             f"inflation data are an xarray.Dataset, not {type(data).__name__}; "
             "make one from a table with inflation_data(frame, ...)"
         )
-    known = VARIABLES | OPTIONAL | COORDINATES | OPTIONAL_COORDINATES
-    for name, (dimension, unit, _) in known.items():
-        if name in ("row", *OPTIONAL_COORDINATES, *OPTIONAL) and name not in data.variables:
-            continue
-        if name not in data.variables:
+    dimensions = dict.fromkeys(POINTS, "obs")
+    names = (*REQUIRED, *OPTIONAL, *LABELS, *OPTIONAL_LABELS)
+    dimensions |= {name: IN_TABLES[name].lies_on for name in names}
+    variables = data.variables  # whose access is much faster than that of the Dataset
+    for name, dimension in dimensions.items():
+        if name not in variables:
+            if name in ("row", *OPTIONAL, *OPTIONAL_LABELS):
+                continue
             raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")
         allowed = [(dimension,), ("obs",)] if name == "axial_stretch" else [(dimension,)]
-        if data[name].dims not in allowed:
+        if variables[name].dims not in allowed:
             expected = " or ".join(map(str, allowed))
-            raise ValueError(f"{name!r} has dimensions {data[name].dims}; expected {expected}")
-        if data[name].attrs.get("units", unit) != unit:
+            raise ValueError(f"{name!r} has dimensions {variables[name].dims}; expected {expected}")
+        expected = IN_TABLES[name].unit if name in IN_TABLES else "1"
+        unit = variables[name].attrs.get("units", expected)
+        if unit != expected:
+            raise ValueError(f"{name!r} is in {unit!r}; expected {expected!r}: convert it")
+    _check_tests(data)
+    _check_labels(data)
+
+
+def _check_tests(data: xr.Dataset) -> None:
+    if not data.sizes["obs"]:
+        raise ValueError("the inflation data hold no points")
+    test = data["test"].values
+    if test.dtype.kind not in "iu":
+        raise ValueError(f"'test' must hold integers, not {test.dtype}")
+    counts = np.isin(np.arange(data.sizes["test"]), test)
+    if not counts.all():
+        empty = int(np.flatnonzero(~counts)[0])
+        raise ValueError(
+            f"{describe_test(data, empty)} has no points: choose tests with select(), "
+            "which drops them whole"
+        )
+    if test.min() < 0 or test.max() >= data.sizes["test"]:
+        raise ValueError(
+            f"'test' runs from {test.min()} to {test.max()}, but there are {data.sizes['test']} "
+            "tests, counted from 0"
+        )
+    back = np.flatnonzero(np.diff(test) < 0)
+    if back.size:
+        raise ValueError(
+            f"{_place_of_point(data, int(back[0]) + 1)}: the points of a test must stand together, "
+            "in the order of the tests: sort the data with "
+            "data.isel(obs=data['test'].argsort(stable=True).values)"
+        )
+
+
+def _check_labels(data: xr.Dataset) -> None:
+    """Raise if two tests, or specimens of two groups, have one label: one would be lost."""
+    tests: dict[tuple, int] = {}
+    groups: dict[str, tuple[int, str]] = {}
+    names = (*names_of_test(data), "group")
+    columns = (data.variables[name].values.tolist() for name in names)
+    for i, (specimen, *others, group) in enumerate(zip(*columns, strict=True)):
+        first = tests.setdefault((specimen, *others), i)
+        if first != i:
+            points = (_place_of_point(data, points_of(data, j).start) for j in (first, i))
             raise ValueError(
-                f"{name!r} is in {data[name].attrs['units']!r}; expected {unit!r}: convert it"
+                f"tests {first} and {i} have the same labels ({' and '.join(points)}): give one "
+                "of them another experiment or specimen, "
+                "data.assign_coords(experiment=('test', [...]))"
             )
-    _check_test_positions(data)
-    present = [*VARIABLES, *(name for name in OPTIONAL if name in data)]
-    values = {name: _finite(data, name, _may_be_missing(data, name)) for name in present}
-    for name, (impossible, expected) in _RULES.items():
-        if name not in values:
-            continue
-        bad = np.flatnonzero(impossible(values))
-        if bad.size:
-            raise ValueError(f"{_found(data, name, bad[0], values[name])}; {expected}")
+        first, other = groups.setdefault(specimen, (i, group))
+        if other != group:
+            raise ValueError(
+                f"specimen {specimen!r} is in group {other!r} ({place_of_test(data, first)}) and "
+                f"in group {group!r} ({place_of_test(data, i)}): a specimen has one group. Give "
+                "the specimens of the two groups different names"
+            )
 
 
-# For each variable: where its values are impossible, and what to say then.
+# Test for impossible values of a variable, and the expected values in words.
 _RULES = {
     "radius": (lambda v: v["radius"] <= 0, "expected a positive radius: correct or drop the row"),
     "outer_diameter": (
@@ -248,93 +240,63 @@ _RULES = {
 }
 
 
-def _negative(name: str, values: dict[str, np.ndarray]) -> np.ndarray:
-    return values[name] < 0
-
-
-_RULES |= {
-    f"{name}_sd": (partial(_negative, f"{name}_sd"), "expected a standard deviation, not below 0")
-    for name in MEASURES
-}
-
-
-def _check_test_positions(data: xr.Dataset) -> None:
-    if not data.sizes["obs"]:
-        raise ValueError("the inflation data hold no points")
-    test = data["test"].values
-    if test.dtype.kind not in "iu":
-        raise ValueError(f"'test' must hold integers, not {test.dtype}")
-    counts = np.isin(np.arange(data.sizes["test"]), test)
-    if not counts.all():
-        empty = int(np.flatnonzero(~counts)[0])
-        raise ValueError(
-            f"{describe_test(data, empty)} has no points: choose tests with select(), "
-            "which drops them whole"
-        )
-    if test.min() < 0 or test.max() >= data.sizes["test"]:
-        raise ValueError(
-            f"'test' runs from {test.min()} to {test.max()}, but there are {data.sizes['test']} "
-            "tests, counted from 0"
-        )
-    back = np.flatnonzero(np.diff(test) < 0)
-    if back.size:
-        place = int(back[0]) + 1
-        raise ValueError(
-            f"{_point(data, place)}: the points of a test must stand together, in the order of the "
-            "tests: sort the data with data.isel(obs=data['test'].argsort(stable=True).values)"
-        )
+def defects_of(data: xr.Dataset) -> Iterator[Problem]:
+    """Values of a Dataset that are not finite, or impossible for a tube."""
+    present = [*REQUIRED, *(name for name in OPTIONAL if name in data)]
+    values = {name: _numbers(data, name) for name in present}
+    for name, numbers in values.items():
+        expected = "a finite number"
+        if name == "radius" and "outer_diameter" in data:
+            expected = "an outer diameter in which the wall has room"
+        missing = np.isnan(numbers) & ~np.asarray(_may_be_missing(data, name))
+        yield from _found(data, name, numbers, np.isinf(numbers) | missing, f"expected {expected}")
+    for name, numbers in values.items():
+        if name in _RULES:
+            impossible, expected = _RULES[name]
+            yield from _found(data, name, numbers, impossible(values), expected)
+        elif name.endswith("_sd"):
+            negative = "expected a standard deviation, not below 0"
+            yield from _found(data, name, numbers, numbers < 0, negative)
 
 
 def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
-    """Where NaN means something: a geometry that is not known, a force that was not measured."""
+    """Return True for variables that may be NaN: unknown geometry, a force without reading."""
     if name == "radius" and "outer_diameter" in data:
         unknown = [_at_points(data, data[geometry].isnull()) for geometry in GEOMETRY]
         return np.any(unknown, axis=0)
-    if data[name].dims == ("obs",):  # a stretch that varies was measured
+    if data.variables[name].dims == ("obs",):  # a stretch that varies was measured
         return name == "axial_force"
     return name in GEOMETRY
 
 
-def _finite(data: xr.Dataset, name: str, may_be_missing: bool | np.ndarray) -> np.ndarray:
-    found = data[name].values
+def _numbers(data: xr.Dataset, name: str) -> np.ndarray:
+    found = data.variables[name].values
+    is_text = found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)
     try:
-        # Text that looks like numbers is none, and a date is none.
-        if found.dtype.kind not in "biufO" or (
-            found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)
-        ):
+        if found.dtype.kind not in "biufO" or is_text:  # dates and text that looks like numbers
             raise TypeError
-        values = np.asarray(found, dtype=float)
+        return np.asarray(found, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name!r} must hold numbers, not {data[name].dtype}") from error
-    bad = np.flatnonzero(np.isinf(values) | (np.isnan(values) & ~np.asarray(may_be_missing)))
-    if bad.size:
-        expected = "a finite number"
-        if name == "radius" and "outer_diameter" in data:
-            expected = "an outer diameter in which the wall has room"
-        raise ValueError(f"{_found(data, name, bad[0], values)}; expected {expected}")
-    return values
 
 
-def _found(data: xr.Dataset, name: str, i: int, values: np.ndarray) -> str:
-    _, unit, _ = (VARIABLES | OPTIONAL)[name]
-    place = _point(data, i) if data[name].dims == ("obs",) else describe_test(data, i)
-    return f"{place}: {name} is {values[i]:.6g}{'' if unit == '1' else ' ' + unit}"
-
-
-def _point(data: xr.Dataset, i: int) -> str:
-    row = f"row {data['row'].values.tolist()[i]}" if "row" in data.coords else f"point {i}"
-    return f"{describe_test(data, int(data['test'].values[i]))}, {row}"
+def _found(
+    data: xr.Dataset, name: str, values: np.ndarray, bad: np.ndarray, expected: str
+) -> Iterator[Problem]:
+    spec = IN_TABLES[name]
+    unit = "" if spec.unit == "1" else f" {spec.unit}"
+    of_test = data.variables[name].dims == ("test",)
+    place = place_of_test if of_test else _place_of_point
+    dimension = spec.dimension if "_unit=" in expected else ""
+    for i in np.flatnonzero(bad):
+        what = f"{name} is {values[i]:.6g}{unit}; {expected}"
+        test = int(i if of_test else data.variables["test"].values[i])
+        yield Problem(place(data, int(i)), what, dimension, of_test, test)
 
 
 def listed(labels: Iterable[Hashable]) -> str:
-    """Labels as messages name them, the first of many.
-
-    Examples
-    --------
-    >>> listed(["a", "b"]), listed(range(100))[-20:]
-    ("'a', 'b'", '28, 29 and 70 others')
-    """
+    """Labels as messages list them, the first of many."""
     labels = list(labels)
     others = len(labels) - _MOST_LISTED
-    told = ", ".join(map(shown, labels[:_MOST_LISTED]))
-    return f"{told} and {others} others" if others > 0 else told
+    named = ", ".join(map(shown, labels[:_MOST_LISTED]))
+    return f"{named} and {others} others" if others > 0 else named

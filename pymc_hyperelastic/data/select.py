@@ -1,6 +1,7 @@
 """Parts of inflation data: some tests, by label or by position."""
 
 from collections.abc import Collection, Hashable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -35,13 +36,13 @@ def select(
         What to keep; a test must satisfy all that are given. Cycles and phases are those of the
         columns of :func:`inflation_data`, such as ``phase="loading"``.
     **labels
-        Others that tests have, such as ``split="new"`` or ``animal="M1"`` of
+        Other labels that tests have, such as ``split="new"`` or ``animal="M1"`` of
         :func:`~pymc_hyperelastic.read_tests`.
 
     Returns
     -------
     xarray.Dataset
-        The tests that were asked for, in the order of `data`, with ``test`` counted anew.
+        The selected tests, in the order of `data`, with ``test`` counted anew.
 
     Raises
     ------
@@ -81,32 +82,22 @@ def select(
     if not keep.any():
         criteria = ", ".join(f"{name}={wanted!r}" for name, wanted in asked.items())
         raise ValueError(f"no test with {criteria} in the data; there are {_inventory(data)}")
-
     return tests_at(data, np.flatnonzero(keep))
 
 
 def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
     """Keep the tests at the given positions, which must rise, with ``test`` counted anew.
 
-    Of inflation tests alone the axial stretch is one number each, as in data that hold no others.
+    If no extension test is kept, the axial stretch is one number a test, as in data without any.
     """
-    return _with(data, positions, np.flatnonzero(np.isin(data["test"].values, positions)))
-
-
-def tests_of_many(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
-    """The same of data that were checked, a few tests of very many: only these are looked at."""
+    # Points stand in the order of their tests, so that only those of the few that are kept are
+    # looked at.
     test = data["test"].values
     first, last = (np.searchsorted(test, positions, side) for side in ("left", "right"))
     points = [np.arange(*ends) for ends in zip(first, last, strict=True)]
-    return _with(data, positions, np.concatenate(points))
-
-
-def _with(
-    data: xr.Dataset, positions: Sequence[int] | np.ndarray, points: NDArray[np.intp]
-) -> xr.Dataset:
-    """Some tests, which have these points."""
-    chosen = data.isel(obs=points, test=positions)
-    renumbered = np.searchsorted(positions, data["test"].values[points])
+    own: NDArray[np.intp] = np.concatenate(points) if points else np.empty(0, np.intp)
+    chosen = data.isel(obs=own, test=positions)
+    renumbered = np.searchsorted(positions, test[own])
     # In its place: to assign coordinates anew takes as long as all else here.
     chosen["test"].data = renumbered
     stretch = chosen["axial_stretch"]
@@ -124,7 +115,7 @@ def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
 
 
 def labels_of_units(data: xr.Dataset, by: str) -> dict[str, tuple[str, NDArray]]:
-    """Coordinates that name what is judged together, see :func:`units_of`."""
+    """Coordinates that name the units of :func:`units_of`."""
     first = [tests[0] for tests in units_of(data, by).values()]
     names = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
     return {name: (by, data[name].values[first]) for name in names}
@@ -144,10 +135,9 @@ def specimens_apart(
     data: xr.Dataset, specimens: Collection[str] | None = None
 ) -> dict[str, xr.Dataset]:
     """Those of the specimens that the data hold, or all of them, each by itself."""
-    names, of_test = specimens_of(data)
     return {
-        name: tests_at(data, np.flatnonzero(of_test == i))
-        for i, name in enumerate(names)
+        name: tests_at(data, tests)
+        for name, tests in units_of(data, "specimen").items()
         if specimens is None or name in specimens
     }
 
@@ -169,6 +159,6 @@ def _inventory(data: xr.Dataset) -> str:
 
 
 def _as_labels(wanted: Hashable | Iterable[Hashable]) -> list[Hashable]:
-    if isinstance(wanted, Iterable) and not isinstance(wanted, str):
-        return [x.item() if isinstance(x, np.generic) else x for x in wanted]
-    return [wanted.item() if isinstance(wanted, np.generic) else wanted]
+    several = isinstance(wanted, Iterable) and not isinstance(wanted, str)
+    labels: list[Any] = list(wanted) if several else [wanted]  # type: ignore[arg-type]
+    return [label.item() if isinstance(label, np.generic) else label for label in labels]

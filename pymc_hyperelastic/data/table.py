@@ -14,29 +14,24 @@ from pymc_hyperelastic.data.columns import (
     plain_array,
     rows_of,
 )
-from pymc_hyperelastic.data.doubt import Check, check_known, doubt
-from pymc_hyperelastic.data.extension import doubtful_stretches, stretches_of
+from pymc_hyperelastic.data.extension import stretches_of
 from pymc_hyperelastic.data.geometry import (
-    WALL,
     Convention,
     RadiiOf,
     errors_of_tube,
     reference_tube,
 )
-from pymc_hyperelastic.data.inflation import (
-    COORDINATES,
-    MEASURES,
-    OPTIONAL,
-    OPTIONAL_COORDINATES,
-    VARIABLES,
-    check_inflation_data,
-)
+from pymc_hyperelastic.data.inflation import POINTS, check_inflation_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
+from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
+from pymc_hyperelastic.quantities import IN_TABLES, MEASURES, POWERS
 
 Measured = Literal["radius", "outer_diameter"]
+# Key of a frame's attrs under which read_tests says in which units columns were read.
+UNITS_IN_FILES = "units_in_files"
 
 
 def inflation_data(
@@ -190,107 +185,114 @@ def inflation_data(
         raise ValueError(f"measured is {measured!r}; expected one of {get_args(Measured)}")
     check_known(check)
     check_frame(frame, measured)
-    rows = rows_of(last_cycles(frame, cycles))
-    stretch, varying = stretches_of(rows, axial_stretch)
-    doubt(doubtful_stretches(rows, stretch, varying), check)
-    order, shuffled = order_of_points(rows, measured, stretch, varying)
-    doubt(shuffled, check)
-
-    def millimetres(values: np.ndarray, power: int = 1) -> np.ndarray:
-        return _to_millimetres(values, radius_unit, power)
-
-    given = {"thickness": thickness, "wall_area": wall_area}
-    given |= {"wall_volume": wall_volume, "length": length}
-    angle = rows.of_tests("opening_angle", opening_angle)
-    places = [rows.test_of(i) for i in rows.first]
-    tube = reference_tube(
-        {
-            "inner_radius": millimetres(rows.of_tests("inner_radius", inner_radius)),
-            "outer_radius": millimetres(rows.of_tests("outer_radius", outer_radius)),
-            "opening_angle": to_internal(angle, angle_unit, "angle"),
-        },
-        {
-            name: millimetres(rows.of_tests(name, value), WALL[name])
-            for name, value in given.items()
-            if value is not None
-        },
-        opening_angle_convention,
-        radii_of,
-        places,
-    )
-    errors = _errors(rows, geometry_sd, radius_unit, angle_unit)
-    values = {
-        measured: millimetres(rows.numbers(measured)[order]),
-        "pressure": to_internal(rows.numbers("pressure")[order], pressure_unit, "pressure"),
-        "axial_stretch": stretch[order] if varying.any() else stretch[rows.first],
-        **tube,
-        **errors_of_tube(errors, opening_angle_convention, radii_of, places),
+    problems = Problems(check, frame.attrs.get(UNITS_IN_FILES, {}))
+    rows = rows_of(last_cycles(frame, cycles), problems)
+    units = {
+        "length": radius_unit,
+        "pressure": pressure_unit,
+        "angle": angle_unit,
+        "force": force_unit,
     }
+    points = {name: rows.numbers(name) for name in (measured, "pressure")}
     if "axial_force" in rows.frame:
-        force = rows.numbers("axial_force", may_be_missing=True)[order]
-        values["axial_force"] = to_internal(force, force_unit, "force")
+        points["axial_force"] = rows.numbers("axial_force", may_be_missing=True)
+    stretch = rows.of_points("axial_stretch", axial_stretch)
+    tube = {"inner_radius": inner_radius, "outer_radius": outer_radius}
+    tube |= {"opening_angle": opening_angle}
+    wall = {"thickness": thickness, "wall_area": wall_area}
+    wall |= {"wall_volume": wall_volume, "length": length}
+    tube_values = _of_tests(rows, tube, units)
+    wall_values = _of_tests(rows, {n: v for n, v in wall.items() if v is not None}, units)
+    errors = _errors(rows, geometry_sd, units)
+    problems.stop()
+
+    stretch, varying = stretches_of(rows, stretch)
+    order = order_of_points(rows, measured, points, stretch, varying)
+    values = {name: _internal(numbers[order], name, units) for name, numbers in points.items()}
+    values["axial_stretch"] = stretch[order] if varying.any() else stretch[rows.first]
+    values |= reference_tube(rows, tube_values, wall_values, opening_angle_convention, radii_of)
+    values |= errors_of_tube(rows, errors, opening_angle_convention, radii_of)
+    group = labels_of(rows.frame, "group") if "group" in rows.frame else np.full(len(order), "all")
+    groups = rows.constant("group", group)
     if measured == "outer_diameter":
-        geometry = {name: v[rows.test[order]] for name, v in tube.items()}
+        geometry = {name: values[name][rows.test[order]] for name in tube}
         geometry["axial_stretch"] = stretch[order]
-        outer = values["outer_diameter"] / 2
         # NaN where the geometry is not known or the wall does not fit in.
         with np.errstate(invalid="ignore"):
-            values["radius"] = internal_radius_from_outer_radius(outer, **geometry)
-    data = _dataset(rows, order, values, "obs" if varying.any() else "test")
+            values["radius"] = internal_radius_from_outer_radius(
+                values["outer_diameter"] / 2, **geometry
+            )
+    data = _dataset(rows, order, values, groups, "obs" if varying.any() else "test")
+    for place, what, dimension, of_test, test in defects_of(data):
+        if test not in rows.failed:
+            problems.add(place, what, dimension, of_test)
+    problems.stop()
     check_inflation_data(data)
-    for name, taken in {"axial_stretch": axial_stretch, "opening_angle": opening_angle}.items():
-        doubt(rows.overlooked(name, taken), check)
-    check_plausible(data, check)
+    rows.doubt_overlooked("axial_stretch", axial_stretch)
+    rows.doubt_overlooked("opening_angle", opening_angle)
+    check_plausible(data, problems)
+    problems.report()
     return data
 
 
-def _dataset(
-    rows: Rows, order: np.ndarray, values: dict[str, np.ndarray], stretch_dimension: str
-) -> xr.Dataset:
-    """Values, with what says where they belong."""
-    frame = rows.frame
-    group = labels_of(frame, "group") if "group" in frame else np.full(len(frame), "all")
-    coordinates: dict[str, Any] = {
-        "test": rows.test[order],
-        "row": plain_array(frame.index[order].tolist()),
-        "group": rows.constant("group", group),
+def _of_tests(
+    rows: Rows, given: Mapping[str, float | str | None], units: Mapping[str, str], form: str = "{}"
+) -> dict[str, np.ndarray]:
+    """One number a test of measures of the tube, in the units of the package."""
+    return {
+        name: _internal(rows.of_tests(form.format(name), value), name, units)
+        for name, value in given.items()
     }
-    coordinates |= {name: label[rows.first] for name, label in rows.labels.items()}
-    kinds = {n: k for n, k in (VARIABLES | OPTIONAL).items() if n in values}
-    kinds["axial_stretch"] = stretch_dimension, *kinds["axial_stretch"][1:]
-    where = {n: k for n, k in (COORDINATES | OPTIONAL_COORDINATES).items() if n in coordinates}
-    return xr.Dataset(_variables(kinds, values), _variables(where, coordinates))
 
 
 def _errors(
-    rows: Rows, given: Mapping[str, float | str] | None, radius_unit: str, angle_unit: str
+    rows: Rows, given: Mapping[str, float | str] | None, units: Mapping[str, str]
 ) -> dict[str, np.ndarray]:
-    """Standard deviations of measures of the tube by test, in the units of the package."""
+    """Standard deviations of measures of the tube by test."""
     if given is not None and not isinstance(given, Mapping):
         raise TypeError(
             'geometry_sd must be a dict such as {"thickness": 0.01}, not ' + type(given).__name__
         )
-    errors = {}
-    for name, value in (given or {}).items():
+    for name in given or {}:
         if name not in MEASURES:
             raise ValueError(f"geometry_sd holds {name!r}; expected some of {list(MEASURES)}")
-        values = rows.of_tests(f"geometry_sd[{name!r}]", value)
-        if MEASURES[name] == "rad":
-            values = to_internal(values, angle_unit, "angle")
-        elif MEASURES[name] != "1":
-            values = _to_millimetres(values, radius_unit, WALL.get(name, 1))
-        errors[name] = values
-    return errors
+    return _of_tests(rows, given or {}, units, "geometry_sd[{!r}]")
 
 
-def _to_millimetres(values: np.ndarray, unit: str, power: int) -> np.ndarray:
-    for _ in range(power):
-        values = to_internal(values, unit, "length", keyword="radius_unit")
-    return values
+def _internal(values: np.ndarray, name: str, units: Mapping[str, str]) -> np.ndarray:
+    """Values of a quantity in the unit of the package."""
+    dimension = IN_TABLES[name].dimension
+    if dimension == "ratio":
+        return values
+    if dimension in POWERS:
+        power = POWERS[dimension]
+        return to_internal(values, units["length"], "length", keyword="radius_unit", power=power)
+    return to_internal(values, units[dimension], dimension)
 
 
-def _variables(kinds: dict, values: dict[str, np.ndarray]) -> dict[str, tuple]:
-    return {
-        name: (dimension, values[name], {"units": unit, "long_name": long_name})
-        for name, (dimension, unit, long_name) in kinds.items()
+def _dataset(
+    rows: Rows,
+    order: np.ndarray,
+    values: dict[str, np.ndarray],
+    groups: np.ndarray,
+    stretch_dimension: str,
+) -> xr.Dataset:
+    """Values and labels, each on its dimension."""
+    row = plain_array(rows.frame.index[order].tolist())
+    coordinates: dict[str, Any] = {
+        name: ("obs", of_points, {"units": "1", "long_name": POINTS[name]})
+        for name, of_points in {"test": rows.test[order], "row": row}.items()
     }
+    labels = {name: label[rows.first] for name, label in rows.labels.items()} | {"group": groups}
+    variables, coordinates_of_tests = (
+        {
+            name: (
+                stretch_dimension if name == "axial_stretch" else IN_TABLES[name].lies_on,
+                array,
+                IN_TABLES[name].attributes,
+            )
+            for name, array in arrays.items()
+        }
+        for arrays in (values, labels)
+    )
+    return xr.Dataset(variables, coordinates | coordinates_of_tests)

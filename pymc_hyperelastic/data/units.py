@@ -1,14 +1,17 @@
-"""Units at the door: inside, pressures are in kPa, lengths in mm, forces in mN, angles in rad."""
+"""Units of input: converted at the door to kPa, mm, mN and rad, and as people write them."""
 
 from __future__ import annotations
 
 import math
-from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+import re
+import unicodedata
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import POWERS, UNITS
 
 if TYPE_CHECKING:
     import pint
@@ -17,48 +20,72 @@ if TYPE_CHECKING:
 #: kPa in one (conventional) millimetre of mercury, so that 5 mmHg is written ``5 * ph.mmHg``.
 mmHg = 0.133322387415
 
-#: The unit that each quantity has inside the package.
-INTERNAL_UNITS = {"pressure": "kPa", "length": "mm", "force": "mN", "angle": "rad"}
-
-#: Units in which each quantity may be given, whichever way the data come in. All others are
-#: refused: to pint a pixel is 1/96 inch, and a point a length too.
-UNITS = {
-    "pressure": ["kPa", "Pa", "hPa", "MPa", "mmHg", "torr", "cmH2O", "mbar", "bar", "psi"],
-    "length": ["mm", "um", "nm", "cm", "m", "inch"],
-    "force": ["mN", "uN", "N", "gf", "dyn"],
-    "angle": ["rad", "deg"],
-}
 # Relative difference of two units that are one, such as micrometre and micron.
 _ROUNDING = 1e-12
+# Dimensions whose units pint converts; areas and volumes are powers of a length.
+_BASIC = ("pressure", "length", "force", "angle")
+# Units as people write them, in small letters.
+_SPELLINGS = {unit.casefold(): unit for dimension in _BASIC for unit in UNITS[dimension]}
+_SPELLINGS |= {"micron": "um", "microns": "um", "in": "inch", "pond": "gf"}
+_SPELLINGS |= {"°": "deg", "degree": "deg", "degrees": "deg"}
+# In small or in large letters these would be other units, or none.
+_AS_WRITTEN = {"mpa", "mn", "un", "n", "nm", "m"}
+_RATIOS = {"": 1.0, "1": 1.0, "-": 1.0, "–": 1.0, "mm/mm": 1.0, "%": 0.01}
+
+
+class Unit(NamedTuple):
+    """A unit as a file writes it, its dimension, and its size in units of the package."""
+
+    spelling: str
+    dimension: str
+    factor: float
 
 
 def to_internal(
-    values: ArrayLike,
-    unit: str,
-    quantity: Literal["pressure", "length", "force", "angle"],
-    *,
-    keyword: str | None = None,
+    values: ArrayLike, unit: str, dimension: str, *, keyword: str | None = None, power: int = 1
 ) -> NDArray[np.float64]:
-    """Convert values of any shape to the unit that the package works in: kPa, mm, mN or rad.
+    """Convert values to the unit that the package works in: kPa, mm, mN or rad.
 
     The `unit` is one of :data:`UNITS`, in a spelling that pint knows, such as ``"mmHg"``, ``"um"``
-    or ``"degree"``. If it is not, a ValueError names the argument through which the caller
-    received it, `keyword` or else ``f"{quantity}_unit"``.
-
-    Examples
-    --------
-    >>> float(to_internal(250.0, "um", "length"))
-    0.25
+    or ``"degree"``; the values may be in its square or cube, the `power`. If the unit is none of
+    these, a ValueError names the argument through which the caller received it, `keyword` or else
+    ``f"{dimension}_unit"``.
     """
-    factor = _factor(unit, quantity, keyword or f"{quantity}_unit")
-    return np.asarray(values, dtype=float) * factor
+    factor = _factor(unit, dimension, keyword or f"{dimension}_unit")
+    return np.asarray(values, dtype=float) * factor**power
+
+
+@lru_cache
+def known_unit(spelling: str, dimension: str) -> Unit | None:
+    """Look up a unit that a file writes; None if it does not measure this dimension."""
+    # The ordinal mark looks like the sign of degrees, and is typed for it.
+    plain = unicodedata.normalize("NFKC", spelling.replace("º", "°")).replace("μ", "u")
+    plain = re.sub(r"[\s_^]|\*\*", "", plain)
+    if dimension == "ratio":
+        return Unit(spelling, dimension, _RATIOS[plain]) if plain in _RATIOS else None
+    power = POWERS.get(dimension, 1)
+    if power > 1:
+        plain, digit = plain[:-1], plain[-1:]
+        if digit != str(power):
+            return None
+    if plain.casefold() not in _AS_WRITTEN:
+        plain = _SPELLINGS.get(plain.casefold(), plain)
+    basic = "length" if dimension in POWERS else dimension
+    if plain not in UNITS[basic]:
+        return None
+    return Unit(spelling, dimension, _factor(plain, basic, "") ** power)
+
+
+def is_unit(spelling: str) -> bool:
+    """Return True for a unit of any dimension."""
+    return any(known_unit(spelling, dimension) for dimension in (*_BASIC, *POWERS, "ratio"))
 
 
 @cache
-def _factor(unit: str, quantity: str, keyword: str) -> float:
+def _factor(unit: str, dimension: str, keyword: str) -> float:
     """How many internal units one `unit` is."""
-    expected = f"expected a unit of {quantity}: {', '.join(UNITS[quantity])}"
-    registry, internal = _registry(), INTERNAL_UNITS[quantity]
+    expected = f"expected a unit of {dimension}: {', '.join(UNITS[dimension])}"
+    registry, internal = _registry(), UNITS[dimension][0]
     try:
         given = registry.Unit(str(unit))
         root = _root_units(registry, given)
@@ -66,12 +93,12 @@ def _factor(unit: str, quantity: str, keyword: str) -> float:
     except Exception as error:
         raise ValueError(f"{keyword}={shown(unit)} is not a known unit; {expected}") from error
     if root != _root_units(registry, registry.Unit(internal)):
-        raise ValueError(f"{keyword}={shown(unit)} does not measure {quantity}; {expected}")
+        raise ValueError(f"{keyword}={shown(unit)} does not measure {dimension}; {expected}")
     factor = float(registry.Quantity(1.0, given).m_as(internal))
-    known = [registry.Quantity(1.0, name).m_as(internal) for name in UNITS[quantity]]
+    known = [registry.Quantity(1.0, name).m_as(internal) for name in UNITS[dimension]]
     if not any(math.isclose(factor, other, rel_tol=_ROUNDING) for other in known):
         raise ValueError(
-            f"{keyword}={shown(unit)} is a unit of {quantity} that is not used; {expected}"
+            f"{keyword}={shown(unit)} is a unit of {dimension} that is not used; {expected}"
         )
     return factor
 
@@ -83,7 +110,7 @@ def _root_units(registry: pint.UnitRegistry, unit: Any) -> Any:
 
 @cache
 def _registry() -> pint.UnitRegistry:
-    # Here and not above: reading pint's definitions takes longer than the rest of this module.
+    # Imported here: reading pint's definitions takes longer than the rest of this module.
     import pint
 
     return pint.UnitRegistry()

@@ -11,7 +11,6 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import (
-    MEASURES,
     at_points,
     describe_test,
     extension_tests,
@@ -22,6 +21,7 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
 from pymc_hyperelastic.models.priors import check_prior
+from pymc_hyperelastic.quantities import MEASURES
 
 # Measures that give the outer radius, together with the inner one.
 _OUTER = ("outer_radius", "thickness", "wall_area")

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.doubt import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.units import mmHg, to_internal
+from pymc_hyperelastic.data.validation import Check, check_known
 from pymc_hyperelastic.mechanics.layers import Layer, ReferenceLayer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
@@ -26,39 +26,12 @@ from pymc_hyperelastic.predictions.measured import (
 )
 from pymc_hyperelastic.predictions.members import Member
 from pymc_hyperelastic.predictions.walls import values_by_draw, wall_draws_of
+from pymc_hyperelastic.quantities import IN_RESULTS
 
 Array = NDArray[np.float64]
 
 # Radii between the ends of the data.
 _RADII = 40
-
-# What a result holds: unit, name for people.
-_NAMES = {
-    "pressure": ("kPa", "pressure"),
-    "stiffness": ("kPa/mm", "stiffness"),
-    "axial_force": ("mN", "reduced axial force"),
-    "radius": ("mm", "internal radius"),
-    "outer_radius": ("mm", "current outer radius"),
-    "compliance": ("mm2/kPa", "area compliance"),
-    "distensibility": ("1/kPa", "area distensibility"),
-    "peterson_modulus": ("kPa", "Peterson's elastic modulus"),
-    "incremental_modulus": ("kPa", "incremental elastic modulus"),
-    "pulse_wave_velocity": ("m/s", "pulse wave velocity"),
-    "circumferential_stress": ("kPa", "mean circumferential Cauchy stress"),
-    "axial_stress": ("kPa", "mean axial Cauchy stress"),
-    "circumferential_material_stiffness": ("kPa", "circumferential material stiffness"),
-    "axial_material_stiffness": ("kPa", "axial material stiffness"),
-    "stored_energy": ("kPa", "stored energy per volume"),
-    "stored_energy_change": ("kPa", "change of stored energy per volume, diastole to systole"),
-    "in_vivo_axial_stretch": ("1", "in vivo axial stretch"),
-    "sigma_rr": ("kPa", "radial Cauchy stress"),
-    "sigma_tt": ("kPa", "hoop Cauchy stress"),
-    "sigma_zz": ("kPa", "axial Cauchy stress"),
-    "position": ("1", "place in the reference wall, 0 inside to 1 outside"),
-    "current_radius": ("mm", "current radius of the place in the wall"),
-    "axial_stretch": ("1", "axial stretch"),
-    "extrapolated": ("1", "whether it is beyond what was measured"),
-}
 
 
 class Draws(NamedTuple):
@@ -173,9 +146,8 @@ class Draws(NamedTuple):
         result = xr.Dataset(values, coords)
         if self.member.name is not None:
             result.attrs["specimen"] = self.member.name
-        for name in set(result.variables) & set(_NAMES):
-            units, long_name = _NAMES[name]
-            result[name].attrs = {"units": units, "long_name": long_name}
+        for name in set(result.variables) & set(IN_RESULTS):
+            result[name].attrs = IN_RESULTS[name].attributes
         return result
 
 

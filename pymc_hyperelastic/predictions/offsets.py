@@ -9,6 +9,7 @@ from pymc_hyperelastic.evidence.stored import read_numbers
 from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
+from pymc_hyperelastic.quantities import QUANTITIES
 
 # Draws are the same at every call.
 _BY_TEST = ("chain", "draw", "test")
@@ -73,7 +74,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
         )
     mean, error = (read_numbers(tree, "posterior", n, _BY_TEST) for n in OFFSET_VARIABLES)
     offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
-    offset.attrs = {"units": "mN", "long_name": "offset of the force transducer"}
+    offset.attrs = QUANTITIES["force_offset"].attributes
     return offset.to_dataset(name="force_offset")
 
 

@@ -6,7 +6,7 @@ from typing import Any, Unpack
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.doubt import Check
+from pymc_hyperelastic.data.validation import Check
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
     Array,

@@ -77,6 +77,18 @@ def test_bad_table_is_refused_with_place_and_value(call, message):
         call()
 
 
+def test_all_wrong_cells_of_a_table_are_reported_at_once():
+    frame = changed("radius", 11, "8,0", axial_force=1.0).astype({"pressure": object})
+    frame.loc[14, "pressure"] = None
+    with pytest.raises(ValueError) as error:
+        build(frame)
+    assert str(error.value).splitlines() == [
+        "2 problems:",
+        f"- {S1E1}, row 11: radius is '8,0', not a number; correct it (decimal points, no units)",
+        "- specimen 'S2', experiment 1, row 14: pressure is missing (nan); fill it or drop the row",
+    ]
+
+
 def test_other_types_are_refused():
     for call, message in (
         (lambda: build([1, 2]), "pandas DataFrame, not list"),
@@ -101,6 +113,14 @@ BAD_DATASET = {
     "scattered": (with_values("test", [0, 0, 1, 2, 1, 2]), f"{S1E2}, row 14: .*stand together"),
     "empty test": (with_values("test", [0, 0, 0, 0, 2, 2]), rf"{S1E2} has no points.*select\(\)"),
     "test -1": (with_values("test", [-1, 0, 1, 1, 2, 2]), "from -1 to 2"),
+    "test twice": (
+        build().assign_coords(experiment=("test", [1, 1, 1])),
+        rf"tests 0 and 1 have the same labels \({S1E1}, row 10 and {S1E1}, row 12\): give one",
+    ),
+    "specimen in two groups": (
+        build().assign_coords(specimen=("test", ["S1"] * 3), experiment=("test", [1, 2, 3])),
+        rf"specimen 'S1' is in group 'C1' \({S1E1}\) and in group 'C2' .*experiment 3\): .*names",
+    ),
     "no points": (build().isel(obs=slice(0, 0)), "no points"),
     "negative error": (
         build(geometry_sd={"wall_area": 0.0}).assign(wall_area_sd=("test", [0.0, -1e-9, 0.0])),

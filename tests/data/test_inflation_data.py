@@ -10,15 +10,16 @@ import xarray as xr
 from tables import FORCES, SECTOR, build, by_diameter, curve, good_frame, with_diameters
 
 from pymc_hyperelastic.data.inflation import (
-    COORDINATES,
-    OPTIONAL,
-    VARIABLES,
+    LABELS,
+    POINTS,
+    REQUIRED,
     at_points,
     check_inflation_data,
     measured_radius,
     points_of,
 )
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.quantities import QUANTITIES
 
 ROUNDING = 1e-14  # a few products and quotients
 SINGLE = 1e-6  # numbers that were stored in single precision
@@ -29,10 +30,13 @@ SCATTERED = [14, 10, 12, 11, 15, 13]
 def test_dataset_has_the_documented_variables_units_and_labels():
     data = build(pressure_unit="mmHg")
     assert dict(data.sizes) == {"obs": 6, "test": 3}
-    assert set(data.data_vars) == set(VARIABLES)
-    assert set(data.coords) == set(COORDINATES)
-    for name, expected in {**VARIABLES, **COORDINATES}.items():
-        assert [data[name].dims[0], *data[name].attrs.values()] == [*expected]
+    assert set(data.data_vars) == set(REQUIRED)
+    assert set(data.coords) == {*LABELS, *POINTS}
+    for name in (*REQUIRED, *LABELS):
+        assert data[name].dims == (QUANTITIES[name].lies_on,)
+        assert data[name].attrs == QUANTITIES[name].attributes
+    assert data["pressure"].attrs == {"units": "kPa", "long_name": "pressure"}
+    assert data["test"].dims == data["row"].dims == ("obs",)
     assert data["specimen"].values.tolist() == ["S1", "S1", "S2"]
     assert data["experiment"].values.tolist() == [1, 2, 1]
     assert data["group"].values.tolist() == ["C1", "C1", "C2"]
@@ -54,7 +58,7 @@ def test_points_of_scattered_rows_are_gathered_with_all_that_was_measured_at_the
     forces = np.array([np.nan, 6.0, 1.0, np.nan, 3.0, 4.5]) / 1000
     np.testing.assert_allclose(data["axial_force"], forces, rtol=ROUNDING)
     for name in ("outer_diameter", "axial_force"):
-        assert [data[name].dims[0], *data[name].attrs.values()] == [*OPTIONAL[name]]
+        assert data[name].dims == ("obs",) and data[name].attrs == QUANTITIES[name].attributes
 
 
 def test_integer_labels_of_experiments_stay_integers_and_specimens_become_text():
@@ -80,7 +84,7 @@ def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diame
     tube = {"inner_radius": 7000.0, "outer_radius": 9000.0, "axial_stretch": "stretch"}
     units = {"radius_unit": "um", "angle_unit": "deg"}
     data = by_diameter(frame, **tube, **units, opening_angle="angle", **SECTOR)
-    assert set(data.data_vars) == {*VARIABLES, "outer_diameter"}
+    assert set(data.data_vars) == {*REQUIRED, "outer_diameter"}
     np.testing.assert_allclose(data["outer_diameter"], frame["outer_diameter"] / 1000)
     np.testing.assert_array_equal(measured_radius(data), data["outer_diameter"] / 2)
     # The wall is stretched by 1.2, and the sector lacks 60 degrees of a circle.
@@ -117,7 +121,7 @@ def test_errors_of_the_tube_are_converted_as_the_tube_is():
         "opening_angle_sd": [np.pi / 30] * 3,  # the whole angle is twice Fung's
     }.items():
         np.testing.assert_allclose(data[name], expected, rtol=ROUNDING)
-        assert data[name].attrs["units"] == OPTIONAL[name][1]
+        assert data[name].attrs["units"] == QUANTITIES[name].unit
     data = build(opening_angle=0.5, **SECTOR, geometry_sd={"opening_angle": 0.1})
     assert data["opening_angle_sd"].values.tolist() == [0.1] * 3
 

@@ -46,6 +46,12 @@ def test_a_trace_of_a_myograph_is_read_with_settings(written):
     np.testing.assert_allclose(data["radius"], [0.05175, 0.0607, 0.0658], rtol=ROUNDING)
 
 
+def test_a_diameter_that_the_settings_ask_for_and_no_column_holds_is_asked_for(written):
+    settings = {"measured": "outer_diameter"}
+    message = message_of(written, f"{HEAD}\n{ROWS}", settings=settings)
+    assert "'pressure_kPa', and no column outer_diameter: rename the one that holds it" in message
+
+
 def test_settings_of_the_guide_read_a_trace(written):
     *_, toml = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), flags=re.DOTALL)
     data = written(TRACE, toml=toml)

@@ -10,7 +10,7 @@ import tables
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.plausible import RANGES
+from pymc_hyperelastic.quantities import PLAUSIBLE
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
@@ -109,9 +109,9 @@ ENDS = [
 
 @pytest.mark.parametrize("name, end, of_size", ENDS)
 def test_sizes_are_doubted_beyond_the_ends_of_their_range_only(name, end, of_size):
-    outward = {RANGES[name].low: -1, RANGES[name].high: 1}[end]
+    outward = {PLAUSIBLE[name].low: -1, PLAUSIBLE[name].high: 1}[end]
     of_size(end - outward * JUST * abs(end))
-    with pytest.warns(UserWarning, match=re.escape(RANGES[name].what)) as warned:
+    with pytest.warns(UserWarning, match=re.escape(PLAUSIBLE[name].what)) as warned:
         of_size(end + outward * JUST * abs(end))
     assert len(warned) == 1
 
@@ -121,9 +121,9 @@ def test_hoop_stretches_are_compared_where_the_tube_is_nearly_unloaded_or_inflat
     above, below = np.linspace(2.0, 20.0, 10), np.linspace(0.5, 2.0, 10)
     build(curve(np.linspace(14.0, 16.0, 10), above))
     build(curve(np.linspace(5.0, 5.2, 10), below))
-    with pytest.warns(UserWarning, match=RANGES["first_stretch"].what):
+    with pytest.warns(UserWarning, match=PLAUSIBLE["first_stretch"].what):
         build(curve(np.linspace(14.0, 16.0, 10), above - JUST))
-    with pytest.warns(UserWarning, match=RANGES["last_stretch"].what):
+    with pytest.warns(UserWarning, match=PLAUSIBLE["last_stretch"].what):
         build(curve(np.linspace(5.0, 5.2, 10), below + JUST))
 
 
@@ -156,8 +156,8 @@ def test_specimens_of_single_points_are_doubted(written):
 
 def test_guide_states_the_ranges():
     page = PAGE.read_text(encoding="utf-8")
-    for expected in RANGES.values():
-        ends = [f"{x:g}" if np.isfinite(x) and x else "" for x in expected[2:4]]
+    for expected in PLAUSIBLE.values():
+        ends = [f"{x:g}" if np.isfinite(x) and x else "" for x in (expected.low, expected.high)]
         if expected.unit == "rad":
             ends[1] = "2π"
         what = expected.what.rstrip(",")

@@ -15,10 +15,10 @@ import xarray as xr
 from written import HEAD, KPA_10, KPA_45, ROUNDING, ROWS, message_of
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.files.headers import DIAMETERS, KINDS, LABELS, names_of
+from pymc_hyperelastic.data.files.headers import names_of
 from pymc_hyperelastic.data.files.settings import settings_of
-from pymc_hyperelastic.data.files.spellings import units_of
 from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.quantities import DIAMETERS, IN_TABLES, UNITS
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 MESSY = Path(__file__).parent / "messy"
@@ -206,6 +206,29 @@ def test_the_same_points_are_refused_in_two_experiments_and_taken_in_two_cycles(
     assert written(f"{HEAD}\n{''.join(rows)}").sizes["test"] == 2
 
 
+def test_problems_of_all_experiments_are_reported_at_once(written):
+    """Errors that differ in their test only are counted, and each wrong row is named."""
+    head = f"{HEAD},inner_radius_mm,outer_radius_mm,thickness_sd_mm\n"
+    up = [(7.2, 1.0), (8.4, 6.5), (9.0, 11.0), (7.8, 3.0)]
+
+    def rows(test, tube, points):
+        return "".join(f"S{test},1,{radius},{p},{tube}\n" for radius, p in points)
+
+    tables = rows(1, "7,9,0.1", up) + rows(2, "9,7,0.1", up[:3]) + rows(3, "9,7,0.1", up[1:3])
+    tables += rows(4, "7,9,-1", up[:2]) + rows(5, "7,9,0.1", [*up[:2], up[1]])
+    lines = message_of(written, head + tables).splitlines()
+    assert lines[0] == "4 problems:" and len(lines) == 5
+    assert lines[1].startswith(
+        "- specimen 'S5', experiment 1, a.csv, line 15: repeats a.csv, line 14 "
+    )
+    assert lines[2].startswith(
+        "- specimen 'S1', experiment 1, a.csv, line 5: radius turns back here"
+    )
+    assert lines[3].startswith("- a.csv: specimen 'S4', experiment 1: the error of thickness is -1")
+    assert lines[4].startswith("- a.csv: specimen 'S2', experiment 1: outer_radius is 7 mm; expect")
+    assert lines[4].endswith(" (and so is 1 other)")
+
+
 def test_message_has_at_most_twenty_problems(written):
     rows = [f"S1,1,{7 + i / 100},x{i}\n" for i in range(22)]
     lines = message_of(written, f"{HEAD}\n{''.join(rows[:20])}").splitlines()
@@ -300,17 +323,17 @@ def test_paths_are_given_once(tmp_path):
 
 def test_guide_states_all_names_and_units_and_its_settings_are_right():
     page = PAGE.read_text(encoding="utf-8")
-    for name in (*LABELS, *KINDS):
+    for name in IN_TABLES:
         if name.endswith("_sd"):
             continue
         halves = [other.replace("_", " ") for other in DIAMETERS.get(name, "").split()]
         others = [o for o in names_of(name)[1:] if o not in halves and o != "λ z"]
         assert f"| `{name}` | {', '.join(others)} | {', '.join(halves)} |" in page
     for kind in ("pressure", "length", "force", "angle", "ratio"):
-        assert f"| {kind} | {units_of(kind)} |" in page
+        assert f"| {kind} | {', '.join(UNITS[kind])} |" in page
     toml, *_ = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
-    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0
+    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"] == 0.45
 
 
 def test_a_name_with_two_meanings_is_a_question(written):

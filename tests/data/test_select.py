@@ -52,9 +52,9 @@ def test_unknown_labels_are_refused_with_those_that_exist(labels, message):
         select(build(), **labels)
 
 
-def test_few_tests_of_many_are_found_by_position():
-    found = selecting.tests_of_many(build(), [0, 2])
-    xr.testing.assert_identical(found, selecting.tests_at(build(), [0, 2]))
+def test_tests_are_found_by_position():
+    found = selecting.tests_at(build(), [0, 2])
+    xr.testing.assert_identical(found, select(build(), experiment=1))
     assert found["row"].values.tolist() == [10, 11, 14, 15]
 
 

@@ -44,7 +44,9 @@ class = "C1"
     halved = written(table, settings={"constants": {"unloaded inner diameter (mm)": 14}})
     assert halved["inner_radius"].item() == 7.0
     message = message_of(written, table, settings={"constants": {"inner_radius": 7}})
-    assert message.startswith("inner_radius is 7 in the settings, without a unit: say units.inner")
+    assert message.startswith(
+        "settings: constants.inner_radius is 7, without a unit: state its unit"
+    )
     message = message_of(written, table, settings={"constants": {"specimen": "S9"}})
     assert message.startswith("specimen is 'S9' in the settings, and a.csv has a column of it, 'sp")
 
@@ -75,7 +77,7 @@ BAD = {
     "two names": ("constants = {thickness_um = 62, thickness_mm = 1}", "study.toml: constants has"),
     "infinity": ("constants = {thickness = inf}", "study.toml: constants.thickness is inf; expec"),
     "not a list": ("ignore = 'P'", "study.toml: ignore is 'P'; expected a list of column names"),
-    "convention": ("cycles = 'first'", "a.csv: cycles is 'first'; expected one of ('last', 'a"),
+    "convention": ("cycles = 'first'", "study.toml: cycles is 'first'; expected one of ('last', '"),
 }  # fmt: skip
 
 

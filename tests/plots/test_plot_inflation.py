@@ -59,8 +59,9 @@ def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
 
 def test_every_specimen_and_cycle_has_a_look_of_its_own():
     data = straight_lines(40)
-    # Two cycles with equal labels are both drawn.
+    # Two cycles of an experiment are both drawn.
     data["specimen"][1] = data["specimen"][0]
+    data = data.assign_coords(cycle=("test", [1, 2, *[1] * 38]))
     figure = ph.plot_inflation(data, backend="none")
     lines = [(e["color"], e["linestyle"]) for e in elements(figure, "line")]
     dots = [e["marker"] for e in elements(figure, "scatter")]

@@ -1,4 +1,4 @@
-"""Tables of laboratories as they are: text files, what their columns are, and what they lack."""
+"""Tables of laboratories as they are: reading files, and the meaning of their columns."""
 
 from pymc_hyperelastic.data.files.read import read_tests
 

@@ -4,55 +4,40 @@ import numpy as np
 import pandas as pd
 
 from pymc_hyperelastic.data.columns import differ
-from pymc_hyperelastic.data.doubt import refuse
 from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.validation import refuse
 from pymc_hyperelastic.messages import shown
 
-# Labels without points that are named.
+# Labels without points that are listed.
 _MOST_IDLE = 30
 
 
 def named(keys: list[str], labels: tuple) -> str:
-    """Labels of a test or a specimen, as messages name them.
-
-    Examples
-    --------
-    >>> named(["specimen", "experiment"], ("S1", 2))
-    "specimen 'S1', experiment 2"
-    """
+    """Labels of a test or a specimen, as messages name them."""
     return ", ".join(f"{key} {label!r}" for key, label in zip(keys, labels, strict=True))
 
 
 def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFrame, list[str]]:
-    """Points with what the tables say of their specimens, and which of these have no points.
-
-    Examples
-    --------
-    >>> points = pd.DataFrame({"specimen": ["S1"], "pressure": [2.0]}, index=["a.csv, line 2"])
-    >>> tubes = pd.DataFrame({"specimen": ["S1", "S2"], "thickness": 0.1}, index=["b, 2", "b, 3"])
-    >>> frame, words = joined(points, [tubes])
-    >>> frame["thickness"].tolist(), words
-    ([0.1], ["not used, without points: specimen 'S2'"])
-    """
+    """Points with the columns that tables have for their specimens; and rows without points."""
     words = []
     for keys in (["specimen"], ["specimen", "experiment"]):
         of_keys = [t for t in tables if ("experiment" in t) == ("experiment" in keys)]
         if not of_keys:
             continue
         # One table a group is one table.
-        told = pd.concat(of_keys)
-        known, wanted = (pd.MultiIndex.from_frame(t[keys]) for t in (told, frame))
+        table = pd.concat(of_keys)
+        known, wanted = (pd.MultiIndex.from_frame(t[keys]) for t in (table, frame))
         labels = pd.factorize(known)[0]
-        first = told.index[np.unique(labels, return_index=True)[1][labels]]
+        first = table.index[np.unique(labels, return_index=True)[1][labels]]
         refuse(
             [
-                f"{told.index[i]}: {named(keys, known[i])} stands here and in {first[i]}: "
+                f"{table.index[i]}: {named(keys, known[i])} stands here and in {first[i]}: "
                 "remove one"
                 for i in np.flatnonzero(known.duplicated())
             ]
         )
         at = known.get_indexer(wanted)
-        there = listed(dict.fromkeys(told[keys[-1]]))
+        there = listed(dict.fromkeys(table[keys[-1]]))
         refuse(
             [
                 f"{frame.index[i]}: {named(keys, wanted[i])} has no row in the table of "
@@ -60,8 +45,8 @@ def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFram
                 for i in np.flatnonzero((at < 0) & ~wanted.duplicated())
             ]
         )
-        for name in told.columns.difference(keys, sort=False):
-            frame = _with_column(frame, name, told.iloc[at][name])
+        for name in table.columns.difference(keys, sort=False):
+            frame = _with_column(frame, name, table.iloc[at][name])
         idle = np.setdiff1d(np.arange(len(known)), at)
         if idle.size:
             more = f" and {idle.size - _MOST_IDLE} others" if idle.size > _MOST_IDLE else ""
@@ -70,15 +55,15 @@ def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFram
     return frame, words
 
 
-def _with_column(frame: pd.DataFrame, name: str, told: pd.Series) -> pd.DataFrame:
+def _with_column(frame: pd.DataFrame, name: str, column: pd.Series) -> pd.DataFrame:
     """The frame with a column, which agrees with its own if it has one."""
-    values = told.to_numpy()
+    values = column.to_numpy()
     if name in frame:
         own = frame[name].to_numpy()
         refuse(
             [
                 f"{frame.index[i]}: {name} is {shown(own[i : i + 1].tolist()[0])}, and "
-                f"{shown(values[i : i + 1].tolist()[0])} in {told.index[i]}: "
+                f"{shown(values[i : i + 1].tolist()[0])} in {column.index[i]}: "
                 "correct one, or name the column of one in the list ignore of the settings"
                 for i in np.flatnonzero(differ(own, values))
             ]

@@ -1,6 +1,7 @@
 """Numbers as people write them into cells: decimal marks, thousands, gaps, units, dates.
 
-A cell that may mean two numbers is not read.
+pandas would read some of these as other numbers, or not at all; a cell that may mean two numbers is
+not read.
 """
 
 import re
@@ -10,7 +11,7 @@ from typing import Literal
 Decimal = Literal[".", ","]
 DECIMALS: dict[Decimal, str] = {".": "decimal points", ",": "decimal commas"}
 
-# What stands for a number that is not there, in small letters.
+# Cells of missing numbers, in small letters.
 MISSING = {"", "-", "–", "—", "?", "na", "n/a", "n.a.", "#n/a", "nan", "none", "null", "nd", "n.d."}
 
 _SPACES = " '’\u00a0\u2009\u202f"  # between thousands; none is a decimal mark
@@ -37,31 +38,19 @@ _DATE = re.compile(
 _WITH_UNIT = re.compile(
     r"([+-]?[0-9.,](?:[0-9.,'’ ]*[0-9.,])?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s.,].*)"
 )
-# Beyond are no measurements, in whichever unit; squares and cubes of what is within are finite.
+# No measurement is larger, in any unit. Squares and cubes of smaller numbers are finite.
 LARGEST = 1e15
 # Letters of a cell that may be a number with a unit.
 _LONGEST = 60
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no number.
-
-    Examples
-    --------
-    >>> is_missing("N/A"), is_missing("0")
-    (True, False)
-    """
+    """Return True for a cell that says that there is no number."""
     return cell.casefold() in MISSING
 
 
 def split_unit(cell: str, is_unit: Callable[[str], object]) -> tuple[str, str | None]:
-    """Number and unit of a cell, both as written, or the cell and None.
-
-    Examples
-    --------
-    >>> split_unit("12 mmHg", "mmHg".__eq__)
-    ('12', 'mmHg')
-    """
+    """Number and unit of a cell, both as written, or the cell and None."""
     found = len(cell) <= _LONGEST and _WITH_UNIT.fullmatch(cell)
     if found and is_unit(found[2]):
         return found[1], found[2]
@@ -69,7 +58,7 @@ def split_unit(cell: str, is_unit: Callable[[str], object]) -> tuple[str, str | 
 
 
 def number(cell: str, decimal: Decimal) -> float | None:
-    """Number of a cell, or None where it is none or may be two.
+    """Number of a cell, or None if it is none or may be two.
 
     Examples
     --------
@@ -89,13 +78,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
 
 
 def why_no_number(cell: str, decimal: Decimal) -> str:
-    """Why a cell is not read as a number, and what to do.
-
-    Examples
-    --------
-    >>> why_no_number("7. Feb", ".")
-    'a date, as spreadsheets make of numbers: format the column as numbers, and enter it again'
-    """
+    """Why a cell is not read as a number, and what to do."""
     other: Decimal = "," if decimal == "." else "."
     if len(cell) > _LONGEST:
         return "not a number: correct it, or delete the line"
@@ -118,13 +101,7 @@ def why_no_number(cell: str, decimal: Decimal) -> str:
 
 
 def decimal_of(cells: Iterable[str]) -> tuple[Decimal, bool]:
-    """Decimal mark with which most cells are numbers; and whether the cells leave that open.
-
-    Examples
-    --------
-    >>> decimal_of(["2,8", "7,067"]), decimal_of(["7,067"]), decimal_of(["2", "7.067"])
-    ((',', False), (',', True), ('.', False))
-    """
+    """Decimal mark with which most cells are numbers; and whether the cells leave that open."""
     cells = list(cells)
     numbers = {mark: [c for c in cells if number(c, mark) is not None] for mark in (".", ",")}
     if len(numbers[","]) <= len(numbers["."]):

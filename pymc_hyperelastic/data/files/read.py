@@ -1,9 +1,8 @@
-"""Inflation data from the files of a laboratory, and what was understood of them."""
+"""Inflation data from the files of a laboratory."""
 
 import io
 import os
 import re
-import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,25 +11,19 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.columns import rows_of
-from pymc_hyperelastic.data.doubt import Check, check_known, counted, refuse
-from pymc_hyperelastic.data.files.join import named
-from pymc_hyperelastic.data.files.settings import OF_KIND, Settings, read_settings, settings_of
+from pymc_hyperelastic.data.files.settings import Settings, read_settings, settings_of
 from pymc_hyperelastic.data.files.sheets import Table, table_of
 from pymc_hyperelastic.data.files.study import study_of
-from pymc_hyperelastic.data.files.text import read_sheet
+from pymc_hyperelastic.data.files.text import read_sheets
 from pymc_hyperelastic.data.geometry import WALL
-from pymc_hyperelastic.data.inflation import MEASURES
-from pymc_hyperelastic.data.table import inflation_data
-from pymc_hyperelastic.messages import PACKAGE, shown
+from pymc_hyperelastic.data.table import UNITS_IN_FILES, inflation_data
+from pymc_hyperelastic.data.validation import Check, Problems, check_known, refuse
+from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import MEASURES
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
-# What to do about rows of a frame, and what about lines of a file.
-_IN_FILES = {
-    r"drop it, frame\.drop_duplicates\(\)": "delete the line",
-    r"sort them, frame\.sort_values\(.*?\)": "sort them",
-}
-# Labels that stay with the tests, besides those that inflation_data knows.
+# Labels that become coordinates here; inflation_data does not know them.
 _KEPT = ("animal", "split")
 
 
@@ -40,17 +33,18 @@ def read_tests(
     *,
     check: Check = "warn",
 ) -> xr.Dataset:
-    """Read inflation data from the text files of a laboratory as they are.
+    """Read inflation data from the text files and workbooks of a laboratory as they are.
 
     Separators, decimal marks and encodings are found; columns are known by their names, with units
     in the names, in a line below them or in the settings. Tables of points are put below each
-    other, and tables of specimens are joined to them. What may mean two things is asked, and all
-    that is wrong is told at once.
+    other, and tables of specimens are joined to them. An ambiguous table is an error that asks for
+    a setting; all errors are reported at once.
 
     Parameters
     ----------
     files : path or iterable of paths
-        CSV, TSV or text files of one study; one of them may be the TOML file of its settings.
+        CSV, TSV or text files of one study, perhaps compressed, or Excel workbooks, of which each
+        sheet is a table; one of the files may be the TOML file of its settings.
         A table with a pressure or a measured radius is one of points, one a row. Others are of
         specimens, or of experiments where they have such a column, and are joined by it. The names
         of columns that are known are on the page What a file may look like.
@@ -120,21 +114,19 @@ def read_tests(
     no opening_angle: 0 is taken
     """
     check_known(check)
-    paths, said = _given(files, settings)
+    paths, stated = _given(files, settings)
     understood: list[str] = []
     try:
-        tables = _tables(paths, said, understood)
-        frame, words = study_of(tables, said, check)
+        tables = _tables(paths, stated, understood)
+        frame, words = study_of(tables, stated, check)
         understood += words
-        data, told = _data(frame, tables, said, check)
+        data = _data(frame, tables, stated, check)
     except ValueError as error:
         if understood:
             error.add_note("What was understood:\n" + "\n".join(understood))
         raise
     if data.sizes["obs"] < len(frame):
         understood.append(f"of these the last cycle of each, {data.sizes['obs']} points, is taken")
-    for message in told:
-        warnings.warn(message, skip_file_prefixes=(PACKAGE,))
     return data.assign_attrs(understood="\n".join(understood))
 
 
@@ -177,14 +169,13 @@ def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
 
 
 def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -> list[Table]:
-    """Read all files, or raise with what is wrong with those that cannot be read at all."""
+    """Read all files, or raise with the errors of files that cannot be read at all."""
     tables: list[Table] = []
     problems = []
     for name, path in paths.items():
         try:
-            tables.append(
-                table_of(read_sheet(path, name, settings.separator, settings.columns), settings)
-            )
+            sheets = read_sheets(path, name, settings.separator, settings.columns)
+            tables += [table_of(sheet, settings) for sheet in sheets]
         except ValueError as error:
             problems.append(str(error))
     understood += [table.understood for table in tables]
@@ -193,59 +184,30 @@ def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -
     return tables
 
 
-def _data(
-    frame: pd.DataFrame, tables: list[Table], settings: Settings, check: Check
-) -> tuple[xr.Dataset, list[str]]:
-    """Inflation data of a frame in the package's units, and of what was warned."""
-    arguments: dict[str, Any] = {name: name if name in frame else None for name in WALL}
-    arguments |= {n: n if n in frame else None for n in ("inner_radius", "outer_radius")}
-    arguments |= {n: n for n in ("axial_stretch", "opening_angle") if n in frame}
+def _data(frame: pd.DataFrame, tables: list[Table], settings: Settings, check: Check) -> xr.Dataset:
+    """Inflation data of a frame in the package's units."""
+    arguments: dict[str, Any] = {
+        name: name if name in frame else None for name in (*WALL, "inner_radius", "outer_radius")
+    }
+    arguments |= {name: name for name in ("axial_stretch", "opening_angle") if name in frame}
     errors = {name: f"{name}_sd" for name in MEASURES if f"{name}_sd" in frame}
     arguments |= {"geometry_sd": errors, "check": check}
     arguments |= {"measured": "radius" if "radius" in frame else "outer_diameter"}
     arguments |= settings.conventions
-
-    def build(rows: pd.DataFrame) -> tuple[xr.Dataset, list[str]]:
-        try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
-                data = _with_labels(inflation_data(rows, **arguments), rows)
-        except ValueError as error:
-            raise ValueError(_of_files(str(error), rows, tables)) from error
-        return data, [_of_files(str(warning.message), rows, tables) for warning in caught]
-
+    frame.attrs[UNITS_IN_FILES] = {
+        key: words for table in tables for key, words in table.units_in_words().items()
+    }
     try:
-        return build(frame)
+        data = inflation_data(frame, **arguments)
     except ValueError as error:
-        # Each experiment by itself, to tell what is wrong with all; what is the same is told once.
-        problems: dict[str, list[str]] = {}
-        for labels, rows in frame.groupby(["specimen", "experiment"], sort=False):
-            try:
-                build(rows)
-            except ValueError as problem:
-                what = str(problem).replace(named(["specimen", "experiment"], labels), "")
-                problems.setdefault(what, []).append(str(problem))
-        refuse([counted(same) for same in problems.values()] or [str(error)])
-        raise
-
-
-def _with_labels(data: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
-    """Data with labels of the tests that :func:`inflation_data` does not know."""
-    rows = rows_of(frame.loc[data["row"].values])
+        files = [table.file for table in tables if not table.frame.empty]
+        if any(file in str(error) for file in files):
+            raise
+        raise ValueError(f"{', '.join(files)}: {error}") from error
+    # Labels of the tests that inflation_data does not know.
+    problems = Problems(check)
+    rows = rows_of(frame.loc[data["row"].values], problems)
     labels = {name: rows.frame[name].to_numpy(dtype=str) for name in _KEPT if name in frame}
-    return data.assign_coords({n: ("test", rows.constant(n, of)) for n, of in labels.items()})
-
-
-def _of_files(message: str, rows: pd.DataFrame, tables: list[Table]) -> str:
-    """Message of :func:`inflation_data`, with the files and columns that it is of."""
-    places = rows.index.str.rpartition(", line ").get_level_values(0).unique()
-    files = [table for table in tables if table.sheet.file in places]
-    names = "|".join(re.escape(table.sheet.file) for table in files)
-    message = re.sub(rf"\brow (?=(?:{names}), line [0-9])", "", message)
-    for of_frames, of_files in _IN_FILES.items():
-        message = re.sub(of_frames, of_files, message)
-    if not re.search(names, message):
-        message = f"{', '.join(table.sheet.file for table in files)}: {message}"
-    kinds = [kind for keyword, kind in OF_KIND.items() if f"{keyword}=" in message]
-    taken = [words for kind in kinds for table in files for words in table.taken(kind)]
-    return f"{message} ({'; '.join(taken)})" if taken else message
+    labels = {name: ("test", rows.constant(name, of)) for name, of in labels.items()}
+    problems.stop()
+    return data.assign_coords(labels)

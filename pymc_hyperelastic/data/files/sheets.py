@@ -1,29 +1,25 @@
 """One sheet of a laboratory as a frame: what its columns are, numbers in the package's units.
 
-All that is wrong with a sheet is collected, each with its file, line, column and cell.
+All that is wrong with a sheet is collected, each problem with its file, line, column and cell.
 """
 
-from dataclasses import dataclass, replace
-from typing import cast
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple, cast
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.files.cells import (
-    Column,
-    numbers_of,
-    told,
-    unit_of,
-    units_of_cells,
-)
 from pymc_hyperelastic.data.files.headers import (
-    LABELS,
     NEEDED,
     TWO_MEANINGS,
+    Heading,
     called,
     comparable,
     heading,
+    unit_in,
 )
 from pymc_hyperelastic.data.files.numerals import (
     DECIMALS,
@@ -31,74 +27,91 @@ from pymc_hyperelastic.data.files.numerals import (
     decimal_of,
     is_missing,
     number,
+    split_unit,
+    why_no_number,
 )
-from pymc_hyperelastic.data.files.settings import Settings
-from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
-from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
+from pymc_hyperelastic.data.files.settings import UNIT_KEYS, Settings
+from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, no_rows
 from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.data.units import Unit, known_unit
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import IN_TABLES, UNITS
 
-# Columns that are named as not used.
+# Columns of numbers of which some cells may be missing.
+_MAY_BE_MISSING = ("axial_force",)
+# Columns that are listed as not used.
 _MOST_UNUSED = 100
-_NO_LABEL = "is missing: give every line its label, fill the column down"
+
+
+class Column(NamedTuple):
+    """A column of a sheet: its meaning, and its cells as text, by line."""
+
+    header: str
+    meaning: Heading
+    cells: pd.Series
+    unit_below: Unit | None = None
+    """Unit in a line below the names."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the package."""
+        return self.meaning.name
+
+    def numbers_and_units(self) -> list[tuple[str, str | None]]:
+        """Numbers and units of the cells, both as written."""
+        dimension = self.meaning.dimension
+        return [split_unit(cell, lambda text: known_unit(text, dimension)) for cell in self.cells]
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A sheet that was understood: its frame, what is wrong with it, and what was understood.
+    """A sheet as a frame, with its problems, and a description in words.
 
     The frame has the package's names and units, and is labelled by file and line.
     """
 
-    sheet: Sheet
-    columns: list[Column]
+    file: str
+    names: list[str]
+    headers: dict[str, str]
+    """Headers of the columns, by their names in the package."""
     units: dict[str, Unit]
     frame: pd.DataFrame
     problems: list[str]
     understood: str
 
-    def header(self, name: str) -> str:
-        """What the file calls a column."""
-        return next(column.header for column in self.columns if column.name == name)
-
-    def taken(self, kind: str) -> list[str]:
-        """In which units columns of a kind were taken, in words."""
-        return [
-            f"{shown(self.header(name))} of {self.sheet.file} was taken in {unit.spelling}"
-            for name, unit in self.units.items()
-            if unit.kind == kind
-        ]
+    def units_in_words(self) -> dict[tuple[str, str], str]:
+        """In which units columns were read, by file and dimension."""
+        words = defaultdict(list)
+        for name, unit in self.units.items():
+            column = f"{shown(self.headers[name])} of {self.file} was taken in {unit.spelling}"
+            words[self.file, unit.dimension].append(column)
+        return {key: "; ".join(columns) for key, columns in words.items()}
 
 
 def table_of(sheet: Sheet, settings: Settings) -> Table:
-    r"""What a sheet holds.
+    r"""Table of a sheet.
 
     Examples
     --------
     >>> from pymc_hyperelastic.data.files.text import sheet_of
-    >>> sheet = sheet_of("id;p [mmHg];note\nS1;7,5;\n", "a.csv", "UTF-8")
-    >>> table = table_of(sheet, Settings())
-    >>> print(table.frame.round(6))
-                  specimen  pressure
-    a.csv, line 2       S1  0.999918
-    >>> print(table.understood)
+    >>> sheet = sheet_of("id;p [mmHg];note\nS1;7,5;\n", "UTF-8", "a.csv")
+    >>> print(table_of(sheet, Settings()).understood)
     a.csv: UTF-8, separated by semicolons, decimal commas, 1 row
       'id' is specimen: 1 label
       'p [mmHg]' is pressure in mmHg (1 mmHg is 0.133322 kPa): 7.5
       not used: 'note'
     """
     columns, unused, problems = _columns(sheet, settings)
+    columns = _without_unit_row(sheet, columns)
+    decimal, questions = _decimal(sheet, columns, settings)
+    problems += questions
     needed = {*NEEDED, *(known.name for known in settings.columns.values())}
-    columns, sheet = _without_unit_row(sheet, columns)
-    decimal, doubts = _decimal(sheet, columns, settings)
-    problems += doubts
-    values: dict[str, list[str] | NDArray[np.float64]] = {}
+    values: dict[str, pd.Series | NDArray[np.float64]] = {}
     units: dict[str, Unit] = {}
     words = []
     for column in columns:
-        cells = sheet.column(column.position)
-        is_label = column.name in LABELS
-        if all(not cell if is_label else is_missing(cell) for cell in cells):
+        is_label = column.meaning.is_label
+        if all(not cell if is_label else is_missing(cell) for cell in column.cells):
             unused.append(f"{shown(column.header)} (empty)")
             if column.name in needed:
                 problems.append(
@@ -106,63 +119,67 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
                     "in any line: fill it in, or name another column in the settings"
                 )
         elif is_label:
-            values[column.name] = cells
-            words.append(_label_in_words(column, cells))
-            bad = [(i, why) for i, cell in enumerate(cells) if (why := _why_no_label(cell))]
-            problems += told(sheet, column, bad)
+            values[column.name] = column.cells
+            count = column.cells.nunique()
+            of_labels = f"{count} label{'s' * (count > 1)}"
+            words.append(f"{shown(column.header)} is {column.name}: {of_labels}")
+            problems += _problems(sheet, column, map(_why_no_label, column.cells))
         else:
-            unit, wrong = unit_of(sheet, column, settings)
-            numbers, no_numbers = numbers_of(sheet, column, decimal)
-            problems += wrong + no_numbers
-            values[column.name] = numbers * column.scale * (unit.factor if unit else np.nan)
+            texts = column.numbers_and_units()
+            unit, wrong = _unit_of(sheet, column, texts, settings)
+            cells = [text for text, _ in texts]
+            found = [None if is_missing(cell) else number(cell, decimal) for cell in cells]
+            numbers = np.array([np.nan if x is None else x for x in found])
+            problems += wrong
+            why = (_why_no_number(column.name, cell, decimal) for cell in cells)
+            problems += _problems(sheet, column, why)
+            values[column.name] = numbers * column.meaning.scale * (unit.factor if unit else np.nan)
             words.append(_number_in_words(column, unit, numbers))
             units |= {column.name: unit} if unit else {}
-    frame = pd.DataFrame(values, index=[sheet.place(i) for i in range(len(sheet.rows))])
-    count = len(sheet.rows)
-    head = (
-        f"{sheet.file}: {sheet.encoding}, separated by {SEPARATORS[sheet.separator]}, "
-        f"{DECIMALS[decimal]}, {count} row{'s' * (count > 1)}"
-    )
+    lines = columns[0].cells.index if columns else sheet.lines
+    frame = pd.DataFrame(values, index=lines).set_axis([sheet.place(i) for i in lines])
+    rows = f"{len(frame)} row{'s' * (len(frame) > 1)}"
+    understood = [f"{sheet.file}: {sheet.form}, {DECIMALS[decimal]}, {rows}", *words]
     if unused:
         others = len(unused) - _MOST_UNUSED
         more = f" and {others} others" if others > 0 else ""
-        words.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
-    return Table(sheet, columns, units, frame, problems, "\n  ".join([head, *words]))
+        understood.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
+    headers = {column.name: column.header for column in columns}
+    return Table(sheet.file, sheet.names, headers, units, frame, problems, "\n  ".join(understood))
 
 
 def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str], list[str]]:
-    """Columns that are understood, the names of all others, and what is wrong with names."""
+    """Columns with a known meaning, the headers of all others, and problems of headers."""
     columns: dict[str, Column] = {}
     unused, problems = [], []
     ignored = {comparable(name) for name in settings.ignore}
-    said = {comparable(text): known for text, known in settings.columns.items()}
-    named = {known.name for known in said.values()}
+    stated = {comparable(text): known for text, known in settings.columns.items()}
+    named = {known.name for known in stated.values()}
     where = f"{sheet.file}, line {sheet.name_line}"
+
+    def cells_of(position: int) -> pd.Series:
+        return pd.Series([row[position] for row in sheet.cells], sheet.lines)
+
     for position, header in enumerate(sheet.names):
         names = called(header)
         known = heading(header)
         if known and known.name in named:
             known = None
-        known = next((said[name] for name in names if name in said), known)
+        known = next((stated[name] for name in names if name in stated), known)
         if not known or not ignored.isdisjoint(names):
             unused.append(shown(header) if header else "a column without a name")
             continue
-        column = Column(position, header, known.name, known.scale)
-        if column.name in columns:
+        if known.name in columns:
             problems.append(
-                f"{where}: {shown(columns[column.name].header)} and {shown(header)} are both "
-                f"{column.name}: rename one, or name it in the list ignore of the settings"
+                f"{where}: {shown(columns[known.name].header)} and {shown(header)} are both "
+                f"{known.name}: rename one, or name it in the list ignore of the settings"
             )
-        columns.setdefault(column.name, column)
+        columns.setdefault(known.name, Column(header, known, cells_of(position)))
     for column in columns.values():
         name = comparable(column.header)
         meanings = TWO_MEANINGS.get(name, ())
-        cells = sheet.column(column.position) if meanings and name not in said else []
-        beside_another = "outer_diameter" in columns and _are_numbers(cells)
-        if cells and (beside_another or _are_measured(cells)):
-            ways = " or ".join(
-                f"columns.{meaning} = {shown(column.header)}" for meaning in meanings
-            )
+        if name not in stated and meanings and _are_measured(column, "outer_diameter" in columns):
+            ways = " or ".join(f"columns.{m} = {shown(column.header)}" for m in meanings)
             problems.append(
                 f"{where}: {shown(column.header)} may be {' or '.join(meanings)}: say which in "
                 f"the settings, {ways}"
@@ -170,47 +187,36 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
     return list(columns.values()), unused, problems
 
 
-def _are_measured(cells: list[str]) -> bool:
-    """Return True where all cells are numbers with decimals, as labels are not."""
-    return any(mark in cell for cell in cells for mark in DECIMALS) and _are_numbers(cells)
+def _are_measured(column: Column, beside_another: bool) -> bool:
+    """Return True if all cells are numbers, and have decimals or stand beside a diameter."""
+    decimals = any(mark in cell for cell in column.cells for mark in DECIMALS)
+    return (decimals or beside_another) and all(
+        any(number(cell, mark) is not None for mark in DECIMALS) for cell in column.cells
+    )
 
 
-def _are_numbers(cells: list[str]) -> bool:
-    return all(any(number(cell, mark) is not None for mark in DECIMALS) for cell in cells)
-
-
-def _why_no_label(cell: str) -> str:
-    """Return what is wrong with a label, or nothing."""
-    try:
-        return "" if plain_label(cell) else _NO_LABEL
-    except ValueError as error:
-        return f"is unusable: {error}"
-
-
-def _without_unit_row(sheet: Sheet, columns: list[Column]) -> tuple[list[Column], Sheet]:
-    """Columns with the units that the line below the names states, and the sheet without it."""
-    below = {c: sheet.rows[0][c.position].strip("[](){} ") for c in columns if c.name not in LABELS}
-    known = {column: known_unit(text, column.kind) for column, text in below.items()}
-    stated = [unit for unit in known.values() if unit and unit.kind != "ratio"]
-    if not stated or any(not (known[c] or is_missing(text)) for c, text in below.items()):
-        return columns, sheet
-    columns = [
-        column._replace(unit_below=below[column] if known.get(column) else None)
+def _without_unit_row(sheet: Sheet, columns: list[Column]) -> list[Column]:
+    """Columns without the line below the names if it states units, which they have then."""
+    below = {c.name: c.cells.iloc[0].strip("[](){} ") for c in columns if not c.meaning.is_label}
+    units = {name: known_unit(text, IN_TABLES[name].dimension) for name, text in below.items()}
+    stated = [unit for unit in units.values() if unit and unit.dimension != "ratio"]
+    if not stated or any(not (units[name] or is_missing(text)) for name, text in below.items()):
+        return columns
+    if len(sheet.cells) == 1:
+        raise no_rows(sheet.file, sheet.lines[0])
+    return [
+        column._replace(cells=column.cells.iloc[1:], unit_below=units.get(column.name))
         for column in columns
     ]
-    rest = replace(sheet, rows=sheet.rows[1:], lines=sheet.lines[1:])
-    if not rest.rows:
-        raise no_rows(sheet.file, sheet.lines[0])
-    return columns, rest
 
 
 def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[Decimal, list[str]]:
-    """Decimal mark of a sheet, and what to ask where its numbers leave it open."""
+    """Decimal mark of a sheet, and what to ask if its numbers leave it open."""
     cells = [
         text
         for column in columns
-        if column.name not in LABELS
-        for text, _ in units_of_cells(column, sheet.column(column.position))
+        if not column.meaning.is_label
+        for text, _ in column.numbers_and_units()
         if not is_missing(text)
     ]
     decimal, either = decimal_of(cells)
@@ -226,20 +232,99 @@ def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[D
     ]
 
 
-def _label_in_words(column: Column, cells: list[str]) -> str:
-    count = len(set(cells))
-    return f"{shown(column.header)} is {column.name}: {count} label{'s' * (count > 1)}"
+def _unit_of(
+    sheet: Sheet, column: Column, texts: list[tuple[str, str | None]], settings: Settings
+) -> tuple[Unit | None, list[str]]:
+    """The one unit of a column, or a problem.
+
+    Its name states it, the line below the names, the settings or the cells; and if none of these
+    the settings for all columns of its dimension.
+    """
+    name, dimension = column.meaning.name, column.meaning.dimension
+    lines = defaultdict(list)
+    for line, (text, spelling) in zip(column.cells.index, texts, strict=True):
+        if not is_missing(text):
+            lines[spelling].append(line)
+    bare = lines.pop(None, [])
+    stated = {
+        "its name": unit_in(column.header, dimension),
+        "the line below": column.unit_below,
+        "the settings": settings.units.get(name),
+    }
+    of_cells = {lines_in_words(of): known_unit(text, dimension) for text, of in lines.items()}
+    units = {place: unit for place, unit in (stated | of_cells).items() if unit}
+    first, unit = next(iter(units.items()), ("", None))
+    where = f"{sheet.file}, line {sheet.name_line}: {shown(column.header)}"
+    if len({unit.factor for unit in units.values()}) > 1:
+        words = ", ".join(f"{unit.spelling} in {place}" for place, unit in units.items())
+        fix = "convert its numbers to one unit, and write that into the name"
+        return None, [f"{where} has several units, {words}: {fix}"]
+    if unit and bare and not any(stated.values()):
+        return None, [
+            f"{where} is in {unit.spelling} in {first}, and has no unit in "
+            f"{lines_in_words(bare)}: write the unit into the name, and numbers into the cells"
+        ]
+    if unit:
+        return unit, []
+    known_units = ", ".join(UNITS[dimension])
+    of_name = heading(column.header)
+    if of_name and of_name.unit and of_name.name == name:
+        return None, [
+            f"{where} is {name}, and {shown(of_name.unit)} is no unit of {dimension} that is "
+            f"known ({known_units}): correct it, or name the column in the list ignore of the "
+            "settings"
+        ]
+    if unit := settings.unit_of(name) or known_unit("", dimension):
+        return unit, []
+    keyword = next((key for key, of in UNIT_KEYS.items() if of == dimension), f"units.{name}")
+    example = shown(f"{column.header} [{UNITS[dimension][0]}]")
+    return None, [
+        f"{where} has no unit: write it into the name, such as {example}, or say {keyword} in "
+        "the settings"
+    ]
+
+
+def _why_no_number(name: str, cell: str, decimal: Decimal) -> str:
+    """Problem of a cell with a number, or an empty text."""
+    if not is_missing(cell):
+        if number(cell, decimal) is not None:
+            return ""
+        return f"is {shown(cell)}, {why_no_number(cell, decimal)}"
+    if name in _MAY_BE_MISSING:
+        return ""
+    return f"is missing{f' ({shown(cell)})' if cell else ''}: fill it in, or delete the line"
+
+
+def _why_no_label(cell: str) -> str:
+    """Problem of a cell with a label, or an empty text."""
+    try:
+        plain = plain_label(cell)
+    except ValueError as error:
+        return f"is unusable: {error}"
+    return "" if plain else "is missing: give every line its label, fill the column down"
+
+
+def _problems(sheet: Sheet, column: Column, why: Iterable[str]) -> list[str]:
+    """Problems of the cells of a column, one for all lines with the same problem."""
+    lines = defaultdict(list)
+    for line, what in zip(column.cells.index, why, strict=True):
+        if what:
+            lines[what].append(line)
+    return [
+        f"{sheet.file}, {lines_in_words(of_same)}: {shown(column.header)} {what}"
+        for what, of_same in lines.items()
+    ]
 
 
 def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.float64]) -> str:
-    half = "half of " if column.scale != 1 else ""
-    words = f"{half}{shown(column.header)} is {column.name}"
-    if unit and (unit.kind, unit.factor) != ("ratio", 1):
+    scale = column.meaning.scale
+    words = f"{'half of ' if scale != 1 else ''}{shown(column.header)} is {column.name}"
+    if unit and (unit.dimension, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:
-            one = f"{unit.factor:.6g} {internal_unit(unit.kind)}".strip()
-            words += f" (1 {unit.spelling} is {one})"
-    known = column.scale * numbers[np.isfinite(numbers)]
+            internal = "" if unit.dimension == "ratio" else f" {UNITS[unit.dimension][0]}"
+            words += f" (1 {unit.spelling} is {unit.factor:.6g}{internal})"
+    known = scale * numbers[np.isfinite(numbers)]
     if known.size:
         ends = dict.fromkeys(f"{end:.6g}" for end in (known.min(), known.max()))
         words += f": {' to '.join(ends)}"

@@ -1,24 +1,24 @@
-"""The tables of a study as one frame of points: what they need, and what may not be there twice."""
+"""The tables of a study as one frame of points, without missing columns and repeated tests."""
 
 import pandas as pd
 
-from pymc_hyperelastic.data.columns import LABELS as OF_TEST
-from pymc_hyperelastic.data.doubt import Check, refuse
-from pymc_hyperelastic.data.files.headers import KINDS, NEEDED, names_of
+from pymc_hyperelastic.data.columns import LABELS
+from pymc_hyperelastic.data.files.headers import NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
-from pymc_hyperelastic.data.files.settings import Constant, Settings
+from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.sheets import Table
-from pymc_hyperelastic.data.files.spellings import internal_unit
 from pymc_hyperelastic.data.geometry import WALL
-from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.inflation import file_of, listed
+from pymc_hyperelastic.data.validation import Check, refuse
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import IN_TABLES
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
 _FEWEST_ALIKE = 3
 # Digits of a number that remain when it is written in another unit.
 _DIGITS = 9
-# What is taken where a study does not say it.
+# Defaults for columns that a study lacks, in words.
 _OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
 _RADII = ("inner_radius", "outer_radius")
 
@@ -26,59 +26,42 @@ _RADII = ("inner_radius", "outer_radius")
 def study_of(
     tables: list[Table], settings: Settings, check: Check = "warn"
 ) -> tuple[pd.DataFrame, list[str]]:
-    r"""One frame of all points, and in words what is in it.
+    """One frame of all points, and its contents in words.
 
-    Raises ValueError where something is missing, does not fit together, or is there twice.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.files.sheets import table_of
-    >>> from pymc_hyperelastic.data.files.text import sheet_of
-    >>> text = "id,test,radius_mm,p_kPa\nS1,1,7.2,2\n"
-    >>> tables = [table_of(sheet_of(text, "a.csv", "UTF-8"), Settings())]
-    >>> study_of(tables, Settings())[1][0]
-    'together: 1 specimen, 1 experiment, 1 point'
+    Raises ValueError if a column is missing, tables do not fit together, or a test is there twice.
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points]
+    constants = {table: settings.constants | settings.files.get(table.file, {}) for table in points}
     problems = [problem for table in tables for problem in table.problems]
-    completed = [_with_constants(table, settings) for table in points]
-    problems += [problem for _, unclear in completed for problem in unclear]
-    problems += _not_found(tables, settings) + _missing(points, others, settings)
+    problems += [
+        f"{name} is {shown(value)} in the settings, and {table.file} has a column of it, "
+        f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
+        for table, of_table in constants.items()
+        for name, value in of_table.items()
+        if name in table.frame
+    ]
+    frames = {table: table.frame.assign(**of_table) for table, of_table in constants.items()}
+    problems += _not_found(tables, settings) + _missing(frames, others, settings)
     refuse(problems)
-    frame = pd.concat([frame for frame, _ in completed])
-    frame, idle = joined(frame, [table.frame for table in others])
-    files = ", ".join(table.sheet.file for table in tables)
-    frame, unused = _chosen(frame, settings, files)
-    for name in ("experiment", "cycle"):
-        if name in frame:
-            frame[name] = _counted(frame[name])
-    tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
+    frame, idle = joined(pd.concat(frames.values()), [table.frame for table in others])
+    frame, unused = _chosen(frame, settings, ", ".join(table.file for table in tables))
+    for name in {"experiment", "cycle"} & {*frame}:
+        frame[name] = _counted(frame[name])
+    tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
     refuse(_scattered(tests))
     refuse([] if check == "ignore" else _alike(tests))
-    return frame, [*_said(settings), *_contents(frame), *idle, *unused]
+    return frame, [*_constants_in_words(settings), *_contents(frame), *idle, *unused]
 
 
-def _in_own_unit(name: str, constant: Constant, settings: Settings) -> float | None:
-    """A number in the unit of the package, or None where neither its name nor the settings say one.
+def _constants_in_words(settings: Settings) -> list[str]:
+    """Constants of the settings, in words."""
 
-    Ratios need none.
-    """
-    is_ratio = KINDS[name] == "ratio"
-    unit = constant.unit or (None if is_ratio else settings.unit_of(name))
-    if unit is None:
-        return constant.value if is_ratio else None
-    return constant.value * unit.factor
-
-
-def _said(settings: Settings) -> list[str]:
-    """What the settings say is the same in all rows, in the package's own units."""
-
-    def words(name: str, constant: Constant | str) -> str:
-        if isinstance(constant, str):
-            return f"{name} {constant!r}"
-        value = _in_own_unit(name, constant, settings)
-        return f"{name} {value:.6g} {internal_unit(KINDS[name])}".rstrip()
+    def words(name: str, value: float | str) -> str:
+        if isinstance(value, str):
+            return f"{name} {value!r}"
+        unit = IN_TABLES[name].unit
+        return f"{name} {value:.6g}{'' if unit == '1' else f' {unit}'}"
 
     places = {"all files": settings.constants} | settings.files
     return [
@@ -88,39 +71,15 @@ def _said(settings: Settings) -> list[str]:
     ]
 
 
-def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
-    """The table with what the settings say is the same in all rows, and what is wrong with it."""
-    frame, problems = table.frame, []
-    constants = settings.constants | settings.files.get(table.sheet.file, {})
-    for name, constant in constants.items():
-        if name in frame:
-            said = repr(constant) if isinstance(constant, str) else constant.value
-            problems.append(
-                f"{name} is {said} in the settings, and {table.sheet.file} has a column of it, "
-                f"{shown(table.header(name))}: remove one, or name the column in the list ignore"
-            )
-        if isinstance(constant, str):
-            frame = frame.assign(**{name: constant})
-            continue
-        value = _in_own_unit(name, constant, settings)
-        if value is None:
-            problems.append(
-                f"{name} is {constant.value:g} in the settings, without a unit: say units.{name} "
-                "there, or add it to the name"
-            )
-        frame = frame.assign(**{name: value})
-    return frame, problems
-
-
 def _has(table: Table) -> str:
-    """What columns a file has."""
-    names = table.sheet.names
+    """The columns of a file, in words."""
+    names = table.names
     if len(names) == 1:
         return (
-            f"{table.sheet.file} has one column, {shown(names[0])} (separate columns by tabs, "
+            f"{table.file} has one column, {shown(names[0])} (separate columns by tabs, "
             "semicolons or commas, and begin remarks above their names with #)"
         )
-    return f"{table.sheet.file} has {listed(names)}"
+    return f"{table.file} has {listed(names)}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
@@ -128,7 +87,7 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
         texts.setdefault(known.name, []).append(shown(text))
-    files = [table.sheet.file for table in tables]
+    files = [table.file for table in tables]
     problems = [
         f"files.{shown(file)} of the settings is not among the files, {listed(files)}"
         for file in settings.files
@@ -138,32 +97,35 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
         f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
         f"{'; '.join(map(_has, tables))}"
         for name, said in texts.items()
-        if not any(column.name == name for table in tables for column in table.columns)
+        if not any(name in table.headers for table in tables)
     ]
 
 
-def _missing(points: list[Table], others: list[Table], settings: Settings) -> list[str]:
+def _missing(
+    points: dict[Table, pd.DataFrame], others: list[Table], settings: Settings
+) -> list[str]:
     """Columns that the tables need and do not have."""
-    needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
+    measured = settings.conventions.get("measured")
+    needed = [("specimen",), ("experiment",), (measured,) if measured else MEASURED, ("pressure",)]
     problems = []
-    for table in points or others:
+    for table, frame in (points or {table: table.frame for table in others}).items():
         # A column that is known and empty is a problem of its table.
-        known = {*table.frame, *_with_constants(table, settings)[0]}
-        known |= {column.name for column in table.columns} & set(NEEDED)
+        known = {*frame} | ({*table.headers} & {*NEEDED})
         lacking = [names for names in needed if known.isdisjoint(names)]
-        if lacking:
-            none = ", no column ".join(" or ".join(names) for names in lacking)
-            others_called = "; ".join(
-                f"{name} may be called {', '.join(names_of(name)[1:])}"
-                for names in lacking
-                for name in names
-                if names_of(name)[1:]
-            )
-            problems.append(
-                f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
-                f"it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
-                f"rows, constants.{lacking[0][0]} ({others_called})"
-            )
+        if not lacking:
+            continue
+        none = ", no column ".join(" or ".join(names) for names in lacking)
+        spellings = {name: names_of(name)[1:] for names in lacking for name in names}
+        called = "; ".join(
+            f"{name} may be called {', '.join(others)}"
+            for name, others in spellings.items()
+            if others
+        )
+        problems.append(
+            f"{_has(table)}, and no column {none}: rename the one that holds it, or say what it is "
+            f"called, columns.{lacking[0][0]} in the settings, or what it is in all rows, "
+            f"constants.{lacking[0][0]} ({called})"
+        )
     problems += [
         f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
         "specimen; leave the file out, or say in the settings what its columns are"
@@ -174,7 +136,7 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
 
 
 def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.DataFrame, list[str]]:
-    """The frame without what is not needed, and in words what that is."""
+    """The frame without columns that are not needed, and these columns in words."""
     unused = {}
     if all(name in frame for name in MEASURED):
         taken = settings.conventions.get("measured")
@@ -204,9 +166,9 @@ def _counted(labels: pd.Series) -> pd.Series:
 
 
 def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """What is wrong where the rows of one test stand in several files."""
+    """Problems of tests whose rows stand in several files."""
     frame = tests.obj
-    files = frame.index.str.rpartition(", line ").get_level_values(0)
+    files = frame.index.map(file_of)
     first = frame.loc[~pd.DataFrame({"test": tests.ngroup(), "file": files}).duplicated()]
     begins: dict[tuple, list[str]] = {}
     for place, *labels in first[tests.keys].itertuples():
@@ -220,7 +182,7 @@ def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
 
 
 def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """What is wrong where two experiments have the same points, as if one had been copied."""
+    """Problems of two experiments with the same points, as if one had been copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
     measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
@@ -239,7 +201,7 @@ def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
 
 
 def _contents(frame: pd.DataFrame) -> list[str]:
-    """What there is in a study, and what is not."""
+    """Contents of a study, and missing columns, in words."""
 
     def count(n: int, what: str) -> str:
         return f"{n} {what}{'s' * (n != 1)}"
@@ -258,7 +220,7 @@ def _contents(frame: pd.DataFrame) -> list[str]:
 
 
 def _without_radii(frame: pd.DataFrame) -> list[str]:
-    """What becomes of the radii of the unloaded tube that have no column."""
+    """Consequences of radii of the unloaded tube that have no column, in words."""
     wall = [name for name in WALL if name in frame]
     lacking = [name for name in _RADII if name not in frame]
     if wall and len(lacking) == 1:

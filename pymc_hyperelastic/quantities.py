@@ -1,0 +1,246 @@
+"""One table of measured, geometric and derived quantities: names, units, labels, spellings, ranges.
+
+Readers, validation, attributes of results, predictions, figures and reports look quantities up in
+:data:`QUANTITIES`. Numbers inside the package have the unit that :data:`UNITS` lists first.
+"""
+
+from dataclasses import dataclass
+from math import inf, pi
+
+#: Units of each dimension: first the unit inside the package, then others that input may have. All
+#: others are refused: to pint a pixel is 1/96 inch, and a point a length too.
+UNITS = {
+    "pressure": ["kPa", "Pa", "hPa", "MPa", "mmHg", "torr", "cmH2O", "mbar", "bar", "psi"],
+    "length": ["mm", "um", "nm", "cm", "m", "inch"],
+    "force": ["mN", "uN", "N", "gf", "dyn"],
+    "angle": ["rad", "deg"],
+    "ratio": ["1", "%"],
+    "stiffness": ["kPa/mm"],
+    "compliance": ["mm2/kPa"],
+    "distensibility": ["1/kPa"],
+    "velocity": ["m/s"],
+    "label": ["1"],
+}
+#: Powers of a length that input may have.
+POWERS = {"length": 1, "area": 2, "volume": 3}
+for _dimension in ("area", "volume"):
+    UNITS[_dimension] = [f"{unit}{POWERS[_dimension]}" for unit in UNITS["length"]]
+
+
+@dataclass(frozen=True)
+class QuantitySpec:
+    """Properties of a quantity, or of a column of labels.
+
+    Examples
+    --------
+    >>> QUANTITIES["compliance"].unit, QUANTITIES["compliance"].label
+    ('mm2/kPa', 'compliance $dA/dp$ (mm²/kPa)')
+    """
+
+    name: str
+    """In tables, Datasets and results."""
+    dimension: str
+    """A key of :data:`UNITS`, such as ``"pressure"``; ``"label"`` for text and integers."""
+    long_name: str
+    """For people: the attribute ``long_name``."""
+    symbol: str = ""
+    """TeX without dollar signs."""
+    lies_on: str = ""
+    """Dimension of the inflation data, ``"obs"`` or ``"test"``, if these may hold it."""
+
+    @property
+    def unit(self) -> str:
+        """Unit inside the package, such as ``"kPa"``; ``"1"`` if it has none."""
+        return UNITS[self.dimension][0]
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Attributes of a variable."""
+        return {"units": self.unit, "long_name": self.long_name}
+
+    @property
+    def label(self) -> str:
+        """Label of an axis, with symbol and unit."""
+        symbol = f" ${self.symbol}$" if self.symbol else ""
+        unit = "" if self.unit == "1" else f" ({unit_text(self.unit)})"
+        return f"{self.long_name}{symbol}{unit}"
+
+
+def unit_text(unit: str) -> str:
+    """Unit as people read it."""
+    return unit.replace("mm2", "mm²").replace("mm3", "mm³")
+
+
+_LABELS = [
+    QuantitySpec("specimen", "label", "specimen", lies_on="test"),
+    QuantitySpec("experiment", "label", "experiment on the specimen", lies_on="test"),
+    QuantitySpec("group", "label", "group", lies_on="test"),
+    QuantitySpec("cycle", "label", "cycle of the experiment", lies_on="test"),
+    QuantitySpec("phase", "label", "phase of the cycle", lies_on="test"),
+    QuantitySpec("animal", "label", "animal"),
+    QuantitySpec("split", "label", "split"),
+]
+_MEASURED = [
+    QuantitySpec("radius", "length", "internal radius", "a", "obs"),
+    QuantitySpec("outer_diameter", "length", "outer diameter", "d_o", "obs"),
+    QuantitySpec("pressure", "pressure", "pressure", "p", "obs"),
+    QuantitySpec("axial_force", "force", "reduced axial force", "F", "obs"),
+]
+_TUBE = [
+    QuantitySpec("inner_radius", "length", "inner radius of the reference tube", "A", "test"),
+    QuantitySpec("outer_radius", "length", "outer radius of the reference tube", "B", "test"),
+    QuantitySpec("thickness", "length", "thickness of the unloaded wall"),
+    QuantitySpec("wall_area", "area", "area of the unloaded wall"),
+    QuantitySpec("wall_volume", "volume", "volume of the unloaded wall"),
+    QuantitySpec("length", "length", "length of the unloaded tube"),
+    QuantitySpec("axial_stretch", "ratio", "axial stretch", r"\lambda_z", "test"),
+    QuantitySpec("opening_angle", "angle", "opening angle of the cut ring", r"\Phi", "test"),
+]
+#: Names of columns in files besides a quantity's own: small letters, separated by spaces, and "_"
+#: for all that is neither a letter nor a digit.
+SPELLINGS = {
+    "specimen": "sample id specimen_id sample_id",
+    "experiment": "test run experiment_id",
+    "group": "class",
+    "radius": "r current_radius internal_radius current_inner_radius",
+    "outer_diameter": "external_diameter current_outer_diameter od",
+    "pressure": "p transmural_pressure luminal_pressure internal_pressure avg_pressure pavg",
+    "axial_force": "reduced_axial_force",
+    "inner_radius": "unloaded_inner_radius inner_radius_unloaded",
+    "outer_radius": "unloaded_outer_radius outer_radius_unloaded",
+    "thickness": "wall_thickness unloaded_thickness thickness_unloaded",
+    "wall_area": "wall_area_unloaded unloaded_wall_area",
+    "length": "unloaded_length length_unloaded",
+    "axial_stretch": "stretch lambda_z lambdaz λz λ_z",
+}
+#: Names of columns in files that hold a diameter, of which half is taken.
+DIAMETERS = {
+    "radius": "inner_diameter internal_diameter lumen_diameter",
+    "inner_radius": "unloaded_inner_diameter inner_diameter_unloaded",
+    "outer_radius": "unloaded_outer_diameter outer_diameter_unloaded",
+}
+#: Measures of the reference tube whose standard deviations inflation data may hold.
+MEASURES = (
+    "inner_radius",
+    "outer_radius",
+    "thickness",
+    "wall_area",
+    "axial_stretch",
+    "opening_angle",
+)
+_ERRORS = [
+    QuantitySpec(
+        f"{spec.name}_sd",
+        spec.dimension,
+        f"standard deviation of the {spec.name.replace('_', ' ')}",
+        lies_on="test",
+    )
+    for spec in _TUBE
+    if spec.name in MEASURES
+]
+#: Measured, geometric quantities and labels by name: whatever a table may hold.
+IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_ERRORS)}
+
+_DERIVED = [
+    QuantitySpec("stiffness", "stiffness", "stiffness", "dp/da"),
+    QuantitySpec("compliance", "compliance", "compliance", "dA/dp"),
+    QuantitySpec("distensibility", "distensibility", "distensibility"),
+    QuantitySpec("peterson_modulus", "pressure", "Peterson's modulus"),
+    QuantitySpec("incremental_modulus", "pressure", "incremental modulus"),
+    QuantitySpec("pulse_wave_velocity", "velocity", "pulse wave velocity"),
+    QuantitySpec("circumferential_stress", "pressure", "mean circumferential Cauchy stress"),
+    QuantitySpec("axial_stress", "pressure", "mean axial Cauchy stress"),
+    QuantitySpec(
+        "circumferential_material_stiffness", "pressure", "circumferential material stiffness"
+    ),
+    QuantitySpec("axial_material_stiffness", "pressure", "axial material stiffness"),
+    QuantitySpec("stored_energy", "pressure", "stored energy per volume"),
+    QuantitySpec(
+        "stored_energy_change",
+        "pressure",
+        "change of stored energy per volume, diastole to systole",
+    ),
+    QuantitySpec("in_vivo_axial_stretch", "ratio", "in vivo axial stretch"),
+    QuantitySpec("sigma_rr", "pressure", "radial Cauchy stress"),
+    QuantitySpec("sigma_tt", "pressure", "hoop Cauchy stress"),
+    QuantitySpec("sigma_zz", "pressure", "axial Cauchy stress"),
+    QuantitySpec("position", "ratio", "place in the reference wall, 0 inside to 1 outside"),
+    QuantitySpec("current_radius", "length", "current radius of the place in the wall"),
+    QuantitySpec("extrapolated", "ratio", "whether it is beyond what was measured"),
+    QuantitySpec("force_offset", "force", "offset of the force transducer"),
+    # In results the radius of the inflated tube, in tables that of the reference tube.
+    QuantitySpec("outer_radius", "length", "current outer radius", "b"),
+]
+#: Quantities of results by name.
+IN_RESULTS = {spec.name: spec for spec in (*_MEASURED, IN_TABLES["axial_stretch"], *_DERIVED)}
+#: Every quantity by name; ``outer_radius`` is that of the reference tube.
+QUANTITIES = IN_RESULTS | IN_TABLES
+
+
+@dataclass(frozen=True)
+class PlausibleRange:
+    """The sizes that a quantity has in soft tubes; see :data:`MISTAKES` for other sizes.
+
+    The ranges hold arteries from arterioles to a dilated aorta, veins and other soft tubes, with
+    some room.
+    """
+
+    what: str
+    """The quantity in words; it has one value in each test."""
+    unit: str
+    low: float
+    high: float
+    doubted_unit: str = ""
+    """The dimension whose unit may be the mistake."""
+
+
+_HOOP = "the hoop stretch at the {} pressure, over that without load,"
+#: Ranges outside which a test is doubted. 40 kPa are 300 mmHg.
+PLAUSIBLE = {
+    "highest_pressure": PlausibleRange("the highest pressure", "kPa", 0.1, 40.0, "pressure"),
+    "lowest_pressure": PlausibleRange("the lowest pressure", "kPa", -2.0, inf),
+    "ring_radius": PlausibleRange(
+        "the inner radius of the closed tube without load", "mm", 0.01, 30.0, "length"
+    ),
+    "largest_radius": PlausibleRange("the largest internal radius", "mm", 0.01, 40.0, "length"),
+    "wall": PlausibleRange("the thickness of the wall over its mean radius", "", 0.01, 0.8),
+    "axial_stretch": PlausibleRange("axial_stretch", "", 0.8, 2.5),
+    "opening_angle": PlausibleRange("the opening angle", "rad", 0.06, 2 * pi, "angle"),
+    "first_stretch": PlausibleRange(_HOOP.format("lowest"), "", 0.75, 1.7),
+    "last_stretch": PlausibleRange(_HOOP.format("highest"), "", 0.9, 2.6),
+    "axial_stress": PlausibleRange(
+        "the largest axial force over the area of the wall", "kPa", 0.0, 2000.0, "force"
+    ),
+}
+_OF_LENGTHS = (
+    "was another unit meant? radius_unit=... is that of every length, measured or of the tube"
+)
+_OF_STRETCHES = (
+    "are inner_radius and outer_radius diameters, in another unit, or of another tube?",
+    "is the measured radius a diameter, in another unit than inner_radius, or of another tube?",
+)
+#: The likely mistake if a quantity is below its range, and if it is above.
+MISTAKES = {
+    "highest_pressure": (
+        "was it given in MPa or bar, pressure_unit=...?",
+        'was it given in mmHg or Pa, pressure_unit="mmHg"?',
+    ),
+    "lowest_pressure": (
+        "was the pressure around the tube, or the gauge's zero, not subtracted?",
+        "",
+    ),
+    "ring_radius": (_OF_LENGTHS, _OF_LENGTHS),
+    "largest_radius": (_OF_LENGTHS, _OF_LENGTHS),
+    "wall": (
+        "is inner_radius a diameter, or are the two radii not of one tube?",
+        "is outer_radius a diameter?",
+    ),
+    "axial_stretch": (
+        "was a strain given? A strain of 0.45 is a stretch of 1.45",
+        "was it given in per cent? 145 % is a stretch of 1.45",
+    ),
+    "opening_angle": ('were radians given with angle_unit="deg"?', ""),
+    "first_stretch": _OF_STRETCHES,
+    "last_stretch": _OF_STRETCHES,
+    "axial_stress": ("", "was another unit meant, force_unit=...?"),
+}
