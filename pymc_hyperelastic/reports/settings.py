@@ -60,14 +60,11 @@ def settings_of(tree: xr.DataTree) -> Settings:
             kind = Variability.from_settings(stored)
         priors = priors_of_class(kind)
     else:
-        unknown = (stored.make_priors() if stored else {}) | (
-            likelihood.unknowns if likelihood else {}
-        )
+        records = dict(stored.priors or {}) if stored else {}
+        for name, prior in (likelihood.unknowns if likelihood else {}).items():
+            records[name] = prior_to_record(name, prior)
         units = units_of(first)
-        priors = {
-            name: distribution_in_words(prior_to_record(name, prior), units.get(name, ""))
-            for name, prior in unknown.items()
-        }
+        priors = {n: distribution_in_words(r, units.get(n, "")) for n, r in records.items()}
     return Settings(
         wall_in_words(first),
         kind,
