@@ -29,12 +29,12 @@ for _dimension in ("area", "volume"):
 
 @dataclass(frozen=True)
 class QuantitySpec:
-    """Properties of a quantity, or of a column of labels.
+    r"""Properties of a quantity, or of a column of labels.
 
     Examples
     --------
     >>> QUANTITIES["compliance"].unit, QUANTITIES["compliance"].label
-    ('mm2/kPa', 'compliance $dA/dp$ (mm²/kPa)')
+    ('mm2/kPa', 'compliance $\\\\mathrm{d}A/\\\\mathrm{d}p$ (mm²/kPa)')
     """
 
     name: str
@@ -142,8 +142,8 @@ _ERRORS = [
 IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_ERRORS)}
 
 _DERIVED = [
-    QuantitySpec("stiffness", "stiffness", "stiffness", "dp/da"),
-    QuantitySpec("compliance", "compliance", "compliance", "dA/dp"),
+    QuantitySpec("stiffness", "stiffness", "stiffness", r"\mathrm{d}p/\mathrm{d}a"),
+    QuantitySpec("compliance", "compliance", "compliance", r"\mathrm{d}A/\mathrm{d}p"),
     QuantitySpec("distensibility", "distensibility", "distensibility"),
     QuantitySpec("peterson_modulus", "pressure", "Peterson's modulus"),
     QuantitySpec("incremental_modulus", "pressure", "incremental modulus"),

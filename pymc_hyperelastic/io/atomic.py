@@ -50,11 +50,13 @@ def _open_locked(folder: Path, prefix: str) -> tuple[Path, BinaryIO]:
         beside = folder / f"{prefix}.{uuid.uuid4().hex}{UNFINISHED}"
         file = beside.open("xb")
         try:
-            fcntl.flock(file, fcntl.LOCK_EX)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Another writer may have removed the file before it was locked.
+            if beside.exists():
+                return beside, file
+        except BlockingIOError:  # another writer is about to remove the file
+            pass
         except (AttributeError, OSError):  # Windows, or a disk without locks
-            return beside, file
-        # Another writer may have removed the file before it was locked.
-        if beside.exists():
             return beside, file
         file.close()
 

@@ -124,6 +124,8 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
     try:
         check_self_contained(content)
         result = in_memory(opener(io.BytesIO(content), engine="h5netcdf"))
+        has_checksum, checksum = CHECKSUM in result.attrs, result.attrs.pop(CHECKSUM, None)
+        digest = digest_of(result) if has_checksum else None
     except (MemoryError, ImportError):
         raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
@@ -131,10 +133,9 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
             f"{path} is no netCDF file of a result, or it was cut off or damaged: "
             f"{in_one_line(error)}"
         ) from error
-    checksum = result.attrs.pop(CHECKSUM, None)
     if isinstance(checksum, str) and checksum.startswith("{"):
         raise ValueError(f"{path} was written in an older format: it needs {OLDER_VERSION}")
-    if checksum is not None and checksum != digest_of(result):
+    if has_checksum and not (isinstance(checksum, str) and checksum == digest):
         raise DamagedFile(
             f"{path} is not what was written: numbers, settings or groups do not have the checksum "
             "of the file. Take a copy, or compute the result again. If you changed the file on "

@@ -86,6 +86,14 @@ class LayerSettings:
             raise ValueError(
                 f"a layer of {energy.name} has the values {shown(self.values)}; expected {needed}"
             )
+        sizes = {p.name: p.size for p in energy.parameters}
+        for name, value in self.values.items():
+            size = len(value) if isinstance(value, list) else None
+            if not isinstance(value, str) and size != sizes.get(name):
+                raise ValueError(
+                    f"{name} of a layer has the values {shown(value)}; expected {sizes.get(name)} "
+                    "numbers in a list, or without a size one number"
+                )
         return NamedLayer(energy, self.values)
 
 
@@ -136,6 +144,16 @@ class ModelSettings:
         """Refuse values that no model has."""
         if not self.layers:
             raise ValueError("it holds no layers")
+        values = [layer.values for layer in self.layers]
+        if self.layered:
+            sound = all("thickness" in of_layer for of_layer in values)
+        else:
+            sound = len(values) == 1 and all(name == value for name, value in values[0].items())
+        if not sound:
+            raise ValueError(
+                f"its layers have the values {shown(values)}; expected a thickness in each, or one "
+                "material with the names of its parameters"
+            )
         if self.reference_stress is not None and not 0 < self.reference_stress < np.inf:
             raise ValueError(
                 f"its reference_stress is {self.reference_stress}; expected a number of kPa, or "

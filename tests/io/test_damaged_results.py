@@ -234,7 +234,19 @@ DAMAGE = {
     ),
     "no value": (
         "variable", layered(within("layers", 1, "values", value={})), "classify",
-        "a layer of Demiray has the values {}; expected ",
+        "its layers have the values .*{}.; expected a thickness in each",
+    ),
+    "lacking value": (
+        "variable", layered(within("layers", 1, "values", value={"thickness": 1.0})), "classify",
+        "a layer of Demiray has the values {'thickness': 1.0}; expected ",
+    ),
+    "size of a value": (
+        "variable", layered(within("layers", 1, "values", "b", value=[])), "classify",
+        r"b of a layer has the values \[\]; expected",
+    ),
+    "number of a material": (
+        "pooled", within("layers", 0, "values", "mu", value=2.0), "classify",
+        "its layers have the values .*2.0.*; expected a thickness in each, or one material",
     ),
     "value of a layer": (
         "variable", layered(within("layers", 1, "values", "b", value=None)), "classify",
