@@ -34,7 +34,7 @@ class QuantitySpec:
     Examples
     --------
     >>> QUANTITIES["compliance"].unit, QUANTITIES["compliance"].label
-    ('mm2/kPa', 'compliance $\\\\mathrm{d}A/\\\\mathrm{d}p$ (mm²/kPa)')
+    ('mm2/kPa', 'compliance $\\mathrm{d}A/\\mathrm{d}p$ (mm²/kPa)')
     """
 
     name: str

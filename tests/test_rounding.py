@@ -6,23 +6,24 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from pymc_hyperelastic.classes.parts import with_parts
+from arviz_stats import summary
 from tube_posteriors import result
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import information, typicality
-from pymc_hyperelastic.classes.average import Laws
+from pymc_hyperelastic.classes import typicality
 from pymc_hyperelastic.classes.classification import _decide
 from pymc_hyperelastic.classes.covariates import Covariates
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.shapley import rivals_of
 from pymc_hyperelastic.data import extension, order
 from pymc_hyperelastic.data.files.join import joined
+from pymc_hyperelastic.design import information, trials
 from pymc_hyperelastic.design.planned_tests import PlannedTest, radii_of
 from pymc_hyperelastic.evidence.convergence import disagreement
 from pymc_hyperelastic.evidence.weights import pareto_shape
 from pymc_hyperelastic.plots import fitted_curves, probability
 from pymc_hyperelastic.predictions import draws, measured
 from pymc_hyperelastic.reports import decisions, fits
+from pymc_hyperelastic.reports.page import Page
 
 DIMS = ("specimen", "class_label")
 # 2⁻⁵² is the distance from 1 to the next number.
@@ -39,10 +40,7 @@ def test_first_of_equally_probable_classes(error):
     assert _decide(xr.Dataset(columns), np.full(2, 0.5), 0.5, 0.05).values == ["a"]
     scores = ph.score_probabilities(p, ["a"], bins=2)
     assert (scores["correct"].item(), *scores["count"].values[1]) == (True, 1, 0)
-    values = (-3.0, 2 * error - 2, -2 * error - 2)
-    classes = [Prediction(ph.Estimate(value, 0.1), 0.1, "", 0.0) for value in values]
-    laws = Laws(["law"], [("all",)], [ph.Estimate(0.0, 0.1)])
-    assert with_parts(classes, laws, [classes], np.zeros(3))[0].rival == 1
+    assert rivals_of(np.array([-3.0, 2 * error - 2, -2 * error - 2]))[0] == 1
     assert (probability._written(p, p, p, p)["vertical_align"] == "bottom").all()
 
 
@@ -51,13 +49,16 @@ def test_equal_decisions_and_designs_stay_in_order(error):
     """Decisions in a report, designs, and simulated specimens, one of which is of either class."""
     p = 0.5 + error * np.arange(300)[::-1, None] * [1, -1]
     table = xr.Dataset({"class_probability": (DIMS, p)}, {"specimen": range(300)})
-    assert decisions._least_clear(table)["specimen"].values.tolist() == list(range(200))
+    table = table.assign(decision=("specimen", ["a"] * 300)).assign_coords(class_label=["a", "b"])
+    assert decisions._least_clear(table, Page(title=""))["specimen"].values.tolist() == list(
+        range(200)
+    )
     gain = 0.3 + np.linspace(-0.1, 0.1, 5) + error * np.array([[0], [3], [-3], [5]])
-    tried = information._Specimens({}, np.zeros(5, int), np.log([0.5, 0.5]))
+    tried = trials.Specimens({}, np.zeros(5, int), np.log([0.5, 0.5]))
     designs, gains = {name: [] for name in "bcad"}, np.stack([gain, gain])
     planned = information._result(designs, gains, gain + 100, tried, ["A"], "class", None)
     assert planned["design"].values.tolist() == list("bcad")
-    assert information._in_proportion(np.array([1 + error, 1 - error]) / 2, 3).tolist() == [0, 0, 1]
+    assert trials._in_proportion(np.array([1 + error, 1 - error]) / 2, 3).tolist() == [0, 0, 1]
 
 
 def covariates(values):
@@ -108,7 +109,10 @@ def test_equal_numbers_have_no_tail_and_no_convergence():
     """Weights whose logarithms near -1e4 differ by 1e-12, and draws that differ by 1e-16."""
     rng = np.random.default_rng(1)
     assert pareto_shape(-1e4 + 1e-12 * rng.standard_normal(4000)) == -np.inf
-    assert np.isnan(fits._convergence(0.3 * (1 + 2**-52 * rng.choice(2, (2, 100))))).all()
+    page, draws = Page(title=""), 0.3 * (1 + 2**-52 * np.repeat([[0], [1]], 100, axis=1))
+    posterior = xr.Dataset({"mu": (("chain", "draw"), draws)})
+    fits._check_convergence("Fit", posterior, summary(posterior, round_to="none"), page)
+    assert not page.notices
 
 
 def test_stress_at_an_interface_is_that_of_the_layer_within():

@@ -19,7 +19,12 @@ LABELS |= {
     "inner_radius": ("unloaded internal radius $A$", "mm"),
     "outer_radius": ("unloaded outer radius $B$", "mm"),
     "thickness": ("unloaded thickness $B-A$", "mm"),
+    "pressure": ("pressure", "kPa"),
+    "axial_force": ("reduced axial force", "mN"),
     "stress": ("Cauchy stress", "kPa"),
+    "sigma_rr": ("radial stress", "kPa"),
+    "sigma_tt": ("hoop stress", "kPa"),
+    "sigma_zz": ("axial stress", "kPa"),
     # Parameters whose symbols no strain energy states.
     "sigma": (r"$\sigma$", None),
     "slope_weight": (r"$\beta$", None),
@@ -44,7 +49,7 @@ def axis_label(name: str, pressure_unit: str = "kPa") -> str:
     Examples
     --------
     >>> axis_label("stiffness", "mmHg")
-    'stiffness $\\\\mathrm{d}p/\\\\mathrm{d}a$ (mmHg/mm)'
+    'stiffness $\\mathrm{d}p/\\mathrm{d}a$ (mmHg/mm)'
     """
     words, unit = LABELS.get(name, (name, None))
     return f"{words} ({unit.replace('kPa', pressure_unit)})" if unit else words

@@ -35,6 +35,8 @@ PROB = 0.95
 _REGIONS = (0.5, PROB)
 # Share of draws with the rarer sign above which the absolute value of a parameter is shown too.
 _BOTH_SIGNS = 0.01
+# Standard deviation of a constant, relative to it, that rounding may cause.
+_ROUNDING = 1e-12
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
@@ -221,7 +223,8 @@ def _check_convergence(
     for name, draws in posterior.data_vars.items():
         if not np.isfinite(draws).all():
             page.notice(BAD, f"some draws of {name} are not finite", subject)
-    rhat = table["r_hat"].dropna()
+    varies = table["sd"] > _ROUNDING * table["mean"].abs()
+    rhat = table.loc[varies, "r_hat"].dropna()
     if len(rhat):
         worst = rhat.round(DIGITS).idxmax()
         if rhat[worst] > LARGEST_RHAT:

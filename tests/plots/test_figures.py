@@ -31,7 +31,10 @@ def test_axis_labels_name_quantity_and_unit(classes, few_draws):
     assert texts(density, "xlabel") == [r"$\mu$ (kPa)"]
     assert texts(density, "ylabel") == [r"$\alpha$"] * 2
     fit = ph.plot_pressure_fit(few_draws, backend="none", pressure_unit="mmHg")
-    assert texts(fit, "ylabel") == ["pressure (mmHg)", "stiffness d$p$/d$a$ (mmHg/mm)"]
+    assert texts(fit, "ylabel") == [
+        "pressure (mmHg)",
+        r"stiffness $\mathrm{d}p/\mathrm{d}a$ (mmHg/mm)",
+    ]
     assert texts(fit, "title") == ["class C1", "class C2"]
     # A class has the same colour in each figure.
     for figure in (density, fit):
