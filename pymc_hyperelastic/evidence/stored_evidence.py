@@ -23,6 +23,8 @@ _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
+# Variables without which an error cannot be told.
+_NEVER_NAN = ("at_bounds", "unmet")
 # Variables that are needed if another variable is there.
 _TOGETHER = {
     "ancestor_fraction": "stages_capped",
@@ -63,6 +65,8 @@ def evidence_of(tree: xr.DataTree) -> xr.Dataset:
             needed = name in _NEEDED or partner in evidence or partner in tree.children
             if needed or name in evidence:
                 check_numbers(tree, evidence, name, dims, " of 'evidence'", finite=False)
+            if name in _NEVER_NAN and name in evidence and np.isnan(evidence[name]).any():
+                raise damaged(tree, f"{name!r} of 'evidence' is no number")
         return evidence
     stats = tree.get("sample_stats", xr.DataTree()).to_dataset()
     if "log_evidence_variance" in stats and "stage" not in stats.dims:
