@@ -175,7 +175,7 @@ class Variability(Population, ClassKind):
         )
 
     def check_stored(self, fitted: xr.DataTree) -> None:
-        """Raise unless a class has an evidence, draws of its distribution and, if any, valid data."""
+        """Raise unless a class has an evidence, draws of its distribution, and no invalid data."""
         with reading(fitted):
             if holds_inflation_data(fitted):
                 self.check(inflation_data_of(fitted))
