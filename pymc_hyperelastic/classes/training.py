@@ -13,8 +13,8 @@ from pymc_hyperelastic.data.inflation import describe_test, measured_radius
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import inflation_data_of
 
-# Decimals to which points, in kPa and mm, are compared: a conversion of units, or a file, may change
-# the last digits of a number.
+# Decimals to which points, in kPa and mm, are compared: converting units, or writing a file, may
+# change the last digits of a number.
 _DECIMALS = 9
 
 
