@@ -377,6 +377,7 @@ class ClassPrior:
     Parameters
     ----------
     sampler : SpecimenSampler
+        Sampler of the specimen, which has its settings and its model.
     distributions : ClassDistribution
         Posterior draws of the class distribution.
     tests : int
