@@ -1,4 +1,7 @@
-"""Checks of results of classes: residuals of specimens, and the error of their draws."""
+"""Checks of fitted classes: residuals of the specimens, and the error due to their draws.
+
+``diagnose_evidence`` runs them.
+"""
 
 import numpy as np
 import xarray as xr
@@ -8,17 +11,17 @@ from pymc_hyperelastic.models.checks import check_of_residuals
 
 
 def checks_of_specimens(tree: xr.DataTree, evidence: xr.Dataset) -> list[Check]:
-    """Compare the residuals of each specimen with the noise, and the error of its draws."""
+    """Check the residuals of each specimen, and the error that the draws of all specimens cause."""
     checks = []
-    # A noise that is inferred for each specimen explains its residuals.
+    # Residuals are not compared with a noise that is inferred from them.
     if "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
         fits = tree["specimens"].to_dataset()
         checks.append(check_of_residuals(fits["misfit"], fits["freedom"]))
     if "specimens_se" in evidence:
         error = float(evidence["specimens_se"])
         words = (
-            "what is known of a specimen may be wrong: it was given up after long, or its curves "
-            "are wrong where its material is"
+            "the draws of a specimen may be wrong: it was given up, because its sampling did not "
+            "converge or its curves are inaccurate for its material"
         )
         verdict = GOOD if error < np.inf else BAD
         checks.append(Check("specimens", error, np.inf, verdict, words))

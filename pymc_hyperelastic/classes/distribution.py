@@ -1,4 +1,8 @@
-"""The distribution of a class, fitted to draws of its specimens: as many as its evidence needs."""
+"""Fit the distribution of a class to draws of its specimens.
+
+The number of draws of each specimen is increased until the error that they cause in the evidence of
+the class is small. Classes with variability and joint fits of groups use this module.
+"""
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -41,22 +45,37 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
 
 Array = NDArray[np.float64]
 
-# Draws that stand for a specimen in the model of its class, at first: its density, which is mostly
-# far wider than what a specimen's curves leave open, is averaged over them.
-_IN_CLASS = 256
-# A guide has so many times fewer, and so many at least: the evidence of a class of these differs
-# by a fraction of a nat from place to place, and particles mostly stay where it has led them.
-_GUIDE, _IN_GUIDE = 16, 64
-# Nats, of the standard error that these draws leave to a class's evidence. Below the first number
-# the densities of all draws are so alike that none is lacking; above the second so many are that
-# the class of which a specimen was taken was another one. Evidences of classes are compared, and
-# the third is little there; since it is known roughly, draws are added until half is expected.
-_ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
-# Fits by which it is found how many draws are needed; particles and distributions of a first one,
-# and draws of the prior that lead to it.
-_MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
-# Draws of a class's distribution of which one becomes a particle.
-_DRAWS_OF_EACH = 4
+# Number of draws that represent a specimen in the first model of its class. The class density is
+# averaged over them; it is mostly far wider than the specimen's posterior.
+_FIRST_SIZE = 256
+# The guide, a cheaper target whose gradients lead the particles, has fewer draws by this factor.
+# Its log density differs from that of the class by a fraction of a nat, so most moves are accepted.
+_GUIDE_FACTOR = 16
+# Fewest draws of a specimen in the guide.
+_FEWEST_GUIDE_DRAWS = 64
+# The following limits are standard errors, in nats, that the draws of all specimens cause in the
+# log evidence of a class. Below this one, specimens are not sampled again: the class density is
+# nearly the same at all their draws.
+_PRECISE = 0.03
+# Above this one, specimens are sampled a third time: the class distribution that was their prior
+# the second time was inaccurate, because the first draws were too few.
+_INACCURATE = 0.3
+# The number of draws is increased until the error is below this one, which is small for a
+# comparison of evidences of classes.
+_ACCURATE = 0.1
+# Expected error, in nats, that decides by how much the number of draws is increased: half of
+# _ACCURATE, as the error is known only roughly.
+_EXPECTED_ERROR = _ACCURATE / 2
+# Largest number of fits with increasing numbers of draws.
+_MOST_FITS = 4
+# Number of particles of the fits before the final ones.
+_FIRST_PARTICLES = 500
+# Largest number of draws of the class distribution for estimates of the error, and for new priors.
+_DISTRIBUTIONS = 200
+# Number of prior draws to which the first proposal is fitted.
+_PRIOR_DRAWS = 2000
+# Number of draws of the proposal for each particle.
+_DRAWS_PER_PARTICLE = 4
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -64,36 +83,42 @@ registered_checks.append(CHECKS_OF_SPECIMENS)
 
 
 class ClassDraws(NamedTuple):
-    """Draws of the specimens of a class, how many of each it needs, and particles near its own."""
+    """Draws of the specimens of a class, for :func:`fit_enough`."""
 
     specimens: Specimens
+    """Draws of each specimen by its name."""
     size: int
+    """Number of draws of each specimen that the first fit uses."""
     particles: Array | None
+    """Particles of an earlier fit, to which the first proposal is fitted."""
 
 
 class ClassModel:
-    """Model of a class's distribution, made once for classes of as many specimens and draws."""
+    """Compiled model of a class distribution, for classes with the same settings.
+
+    The model is compiled once for each pair of numbers of specimens and draws.
+    """
 
     def __init__(self, settings: Population) -> None:
         self.settings = settings
-        # By the numbers of specimens and draws, on which it depends how many points fit into cache.
-        self._made: dict[tuple[int, ...], tuple[dict[str, SharedVariable], BatchedSMC]] = {}
+        # The numbers of specimens and draws decide how many points are evaluated at once.
+        self._kernels: dict[tuple[int, ...], tuple[dict[str, SharedVariable], BatchedSMC]] = {}
 
     def kernel(self, draws: Specimens, count: int) -> BatchedSMC:
-        """Sampler of so many particles, of draws that stand for the specimens from now on."""
+        """Return the SMC kernel with `count` particles, and set the draws of its specimens."""
         arrays = stacked([*draws.values()])
         size = arrays["log_weight"].shape
-        if size not in self._made:
+        if size not in self._kernels:
             shared = shared_draws(draws.values())
-            self._made[size] = shared, BatchedSMC(model=class_model(self.settings, shared))
-        shared, kernel = self._made[size]
+            self._kernels[size] = shared, BatchedSMC(model=class_model(self.settings, shared))
+        shared, kernel = self._kernels[size]
         for name, value in arrays.items():
             shared[name].set_value(value)
         kernel.draws = count
         return kernel
 
     def variances(self, tree: xr.DataTree, draws: Specimens, size: int) -> dict[str, float]:
-        """What so many draws of each specimen leave open of the evidence of a fitted class."""
+        """Variance of the log evidence of a fitted class due to `size` draws of each specimen."""
         distributions = distributions_of(tree, _DISTRIBUTIONS)
         return {n: variance_of_specimen(d, distributions, size) for n, d in draws.items()}
 
@@ -105,59 +130,70 @@ def draws_of_class(
     specimens: Specimens,
     rng: np.random.Generator,
 ) -> ClassDraws:
-    """Draws of each specimen as one of its class, where those under a wider distribution are few.
+    """Sample the specimens of a class again, with a fitted class distribution as the prior.
 
-    What curves leave open only the class tells, and few of the draws of a specimen then are where
-    the class has it. It is sampled again, under the distributions of a class that was fitted to the
-    draws so far.
+    The curves of a specimen may not constrain some coordinates. Few of its draws under the wide
+    reference distribution then lie where the class density is large. The class is therefore fitted
+    to these draws, and the specimens are sampled again under the fitted distribution, at most
+    twice. They are not sampled again if the error of the class's evidence is small enough.
+
+    Warns
+    -----
+    UserWarning
+        If the draws of a specimen have an infinite error.
     """
-    known, close = None, dict(specimens)
-    for limit in (_ALIKE, _ANOTHER):
-        fit = _Fit(model, close, _IN_CLASS, _PARTICLES, known)
+    particles, current = None, dict(specimens)
+    for limit in (_PRECISE, _INACCURATE):
+        fit = _Fit(model, current, _FIRST_SIZE, _FIRST_PARTICLES, particles)
         tree = fit.chains(rng.spawn(1))
-        known = fit.known
+        particles = fit.particles
         variances = fit.variances(tree)
         if sum(variances.values()) < limit**2:
             break
         distributions = distributions_of(tree, _DISTRIBUTIONS)
         for name, part in specimens_apart(data).items():
             found = sampler.near(part, specimens[name], distributions, rng)
-            # One that was given up, and then found, is not lost again.
+            # If this sample failed, an earlier successful one is kept.
             if np.isfinite(found.standard_error):
-                close[name] = found
-    for name, draws in close.items():
+                current[name] = found
+    for name, draws in current.items():
         if not np.isfinite(draws.standard_error):
-            said = (
-                f"specimen {name!r} was given up after long, or has curves that are wrong, and its "
-                "class has no evidence: leave it out, or give more informative priors"
+            message = (
+                f"specimen {name!r} was given up, because its sampling did not converge or its "
+                "curves are inaccurate: the evidence of its class has an infinite error. Leave the "
+                "specimen out, or give more informative priors"
             )
-            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
-    return ClassDraws(close, _larger(_IN_CLASS, sum(variances.values())), known)
+            warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+    return ClassDraws(current, _larger(_FIRST_SIZE, sum(variances.values())), particles)
 
 
 class _Fit:
-    """A class, of so many of the draws that stand for its specimens."""
+    """Fit of a class distribution to the first `size` draws of each specimen.
+
+    `count` is the number of particles. The proposal is fitted to the `particles` of an earlier fit,
+    if there are any.
+    """
 
     def __init__(
-        self, model: Any, draws: Mapping[str, Any], size: int, count: int, known: Array | None
+        self, model: Any, draws: Mapping[str, Any], size: int, count: int, particles: Array | None
     ) -> None:
-        self.model, self.draws, self.size, self.known = model, draws, size, known
+        self.model, self.draws, self.size, self.particles = model, draws, size, particles
         self._mixture: GaussianMixture | None = None
         self._bridge: BridgeFromParticles | None = None
         self.kernel = self._kernel(size, count)
 
     def _kernel(self, size: int, count: int) -> BatchedSMC:
-        few = {name: specimen.first(size) for name, specimen in self.draws.items()}
-        return self.model.kernel(few, count)
+        first = {name: specimen.first(size) for name, specimen in self.draws.items()}
+        return self.model.kernel(first, count)
 
     @cached_property
     def _guide(self) -> Target | None:
-        """The class of few draws, whose slopes take a fraction of the time."""
-        few = max(self.size // _GUIDE, _IN_GUIDE)
-        return self._kernel(few, self.kernel.draws).target if few < self.size else None
+        """The class with fewer draws of each specimen, whose gradients are cheaper; or None."""
+        size = max(self.size // _GUIDE_FACTOR, _FEWEST_GUIDE_DRAWS)
+        return self._kernel(size, self.kernel.draws).target if size < self.size else None
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
-        """What the draws of each specimen leave open of the evidence."""
+        """Variance of the log evidence due to the draws of each specimen."""
         return self.model.variances(tree, self.draws, self.size)
 
     def chains(
@@ -166,7 +202,10 @@ class _Fit:
         entropy: Any = None,
         advance: Callable[[], None] = no_progress,
     ) -> xr.DataTree:
-        """Posterior and evidence; `advance` is called after each chain."""
+        """Return posterior and evidence with one chain for each generator.
+
+        `advance` is called after each chain.
+        """
         integrals = []
         for rng in rngs:
             integrals.append(self._chain(rng))
@@ -190,16 +229,19 @@ class _Fit:
         return tree
 
     def _chain(self, rng: np.random.Generator) -> Integral:
-        """Particles and evidence.
+        """Return particles and evidence of one chain.
 
-        A class is not much narrower than its prior, which leads to it: its modes are searched only
-        where neither particles nor the prior tell of them.
+        The posterior of a class is not much narrower than its prior. Importance sampling therefore
+        starts from the particles of an earlier fit or from prior draws. Modes are searched only if
+        it fails.
         """
         target, count = self.kernel.target, self.kernel.draws
         if target.dimension > MOST_UNKNOWNS:
-            self._bridge = self._bridge or BridgeFromParticles(target, rng, self.known, self._guide)
+            self._bridge = self._bridge or BridgeFromParticles(
+                target, rng, self.particles, self._guide
+            )
             found = self._bridge.integral(count, rng)
-            self.known = found.particles
+            self.particles = found.particles
             return found
         found = importance_sampling(
             target.score,
@@ -208,22 +250,22 @@ class _Fit:
             count,
             rng,
             draw_prior=target.draw_prior,
-            draws=_DRAWS_OF_EACH * count,
+            draws=_DRAWS_PER_PARTICLE * count,
         )
         if not found.pareto_k < LARGEST_PARETO_K:
             found = integrate(target, count, rng)
-            self.known = None
-        if self.known is None:
-            self.known, self._mixture = found.particles, None
+            self.particles = None
+        if self.particles is None:
+            self.particles, self._mixture = found.particles, None
         return found
 
     def _initial_proposal(self, rng: np.random.Generator) -> GaussianMixture:
-        """Return a mixture that is roughly like the posterior, or wider."""
-        if self.known is None:
+        """Return a mixture fitted to the particles of an earlier fit, or to prior draws."""
+        if self.particles is None:
             target = self.kernel.target
             return GaussianMixture.fit(target.draw_prior(_PRIOR_DRAWS, rng), 1, rng)
-        components = components_for(len(self.known), self.kernel.dimension)
-        self._mixture = self._mixture or GaussianMixture.fit(self.known, components, rng)
+        components = components_for(len(self.particles), self.kernel.dimension)
+        self._mixture = self._mixture or GaussianMixture.fit(self.particles, components, rng)
         return self._mixture
 
 
@@ -235,12 +277,12 @@ def fit_distribution(
     random_seed: np.random.SeedSequence,
     advance: Callable[[], None] = no_progress,
 ) -> xr.DataTree:
-    """Posterior and evidence of a class's distribution, with the draws of its specimens.
+    """Return posterior and evidence of a class distribution, and the draws of its specimens.
 
-    After each chain `advance` is called; where more draws are needed, chains are fitted again.
-
-    Both say by which ``method`` an integral was found, with the ``pareto_k`` of its weights:
-    ``evidence`` by chain, and ``specimens`` by specimen.
+    The group ``specimens`` holds the draws. Its variables ``method`` and ``pareto_k`` give the
+    method of the integral of each specimen, and the Pareto shape of its weights; those of the group
+    ``evidence`` give the same for each chain. `advance` is called after each chain of the first
+    fit.
     """
     specimens = draws.specimens
     tree = fit_enough(model, draws, count, chains, random_seed, advance)
@@ -277,15 +319,20 @@ def fit_enough(
     random_seed: np.random.SeedSequence,
     advance: Callable[[], None] = no_progress,
 ) -> xr.DataTree:
-    """Posterior and evidence by as many of the draws as leave little of it open."""
+    """Return posterior and evidence of a class, with enough draws of each specimen.
+
+    The number of draws is increased, and the fit repeated, until the error that the draws cause in
+    the evidence is small. `model` is a :class:`ClassModel`, or has the same methods, and `draws`
+    are :class:`ClassDraws`. `advance` is called after each chain of the first fit.
+    """
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
-    specimens, size, known = draws
+    specimens, size, particles = draws
     for _ in range(_MOST_FITS):
-        fit = _Fit(model, specimens, size, count, known)
+        fit = _Fit(model, specimens, size, count, particles)
         tree = fit.chains(rngs, random_seed.entropy, advance)
         advance = no_progress
-        variance, known = sum(fit.variances(tree).values()), fit.known
-        if size == PARTICLES or variance < _ENOUGH**2:
+        variance, particles = sum(fit.variances(tree).values()), fit.particles
+        if size == PARTICLES or variance < _ACCURATE**2:
             break
         size = _larger(size, variance)
     error = float(np.sqrt(variance))
@@ -294,7 +341,10 @@ def fit_enough(
 
 
 def _larger(size: int, variance: float) -> int:
-    """Number of draws of each specimen, doubled until it would be enough."""
-    while size < PARTICLES and variance > (_ENOUGH / 2) ** 2:
+    """Double the number of draws of each specimen until the expected error is small.
+
+    The variance is inversely proportional to the number of draws.
+    """
+    while size < PARTICLES and variance > _EXPECTED_ERROR**2:
         size, variance = min(2 * size, PARTICLES), variance / 2
     return size

@@ -1,4 +1,4 @@
-"""Fit classes of inflation experiments."""
+"""Fit classes of inflation experiments: the public function ``fit_classes``."""
 
 import json
 import warnings
@@ -43,66 +43,71 @@ def fit_classes(
 ) -> xr.DataTree:
     """Sample the posterior of each class from its training experiments.
 
-    All models are built, and so all input is checked, before the first is sampled.
+    All models are built, and so all input is checked, before the first class is sampled.
 
     Without variability, as in the paper, all specimens of a class share one set of parameters. The
-    posterior shrinks to a point as data grow, however different the specimens are, and a new one
-    that differs from them as they do from each other is classified with a certainty that it does
-    not deserve. With ``variability="specimen"`` each has its own, drawn from a distribution of the
-    class that is learned: see :func:`~pymc_hyperelastic.population_model`. Every specimen is then
-    sampled once, by itself, and integrated out.
+    posterior contracts to a point as the data grow, however different the specimens are. A new
+    specimen that differs from them as they differ from each other is then classified with too much
+    certainty. With ``variability="specimen"`` each specimen has its own parameters, drawn from a
+    class distribution that is inferred, see :func:`~pymc_hyperelastic.population_model`. Each
+    specimen is then sampled separately, and its parameters are integrated out.
 
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``; with variability also the layers of the wall from the
-        inside out, see :func:`~pymc_hyperelastic.population_model`.
+        The strain energy, such as ``ph.Ogden()``. With variability it may be the list of layers of
+        the wall from the inside out, see :func:`~pymc_hyperelastic.population_model`.
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors, of all classes, see
+        The measured quantities and their errors, which all classes share, see
         :class:`~pymc_hyperelastic.Gaussian` and :class:`~pymc_hyperelastic.SlopeAugmented`. A
         number or a distribution alone is the standard deviation of a pressure, kPa.
     priors : dict of str to distribution, optional
-        Priors of the material parameters, see :func:`pymc_hyperelastic.inflation_model`; with
-        variability those of the class, see :func:`~pymc_hyperelastic.population_model`.
+        Priors of the material parameters, see :func:`pymc_hyperelastic.inflation_model`. With
+        variability, priors of the class distribution, see
+        :func:`~pymc_hyperelastic.population_model`.
     geometry : dict of str to Measured, optional
-        Measures of the tube that have an error, of each specimen its own, see
+        Measures of the tube that have an error, which differs between specimens, see
         :func:`~pymc_hyperelastic.population_model`; only with variability.
     variability : {"none", "specimen"}
-        Whether specimens of a class differ.
+        Whether the specimens of a class have different parameters (``"specimen"``).
     experiment_effect, reference_stress
         See :func:`~pymc_hyperelastic.population_model`; only with variability.
     draws, chains, random_seed, progressbar
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
     store : str or Path, optional
-        A folder that keeps what is computed: classes, or with variability the draws of each
-        specimen, which take most of the time. After an interrupt, or a kill, the same call goes on
-        from there.
+        A folder in which intermediate results are kept: classes or, with variability, the draws of
+        each specimen, which take most of the time. After an interrupt or a crash the same call
+        continues from there.
 
     Returns
     -------
     xarray.DataTree
-        One child a class, each with posterior, evidence, training data and settings; the attribute
-        ``likelihood_in_words`` says with which errors. With
-        variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
-        by which ``method`` each was integrated, "importance", "tempering" or, a distribution of
-        more than 24 unknowns, "bridge", with the Pareto shape ``pareto_k`` of the weights (NaN
-        where there are none). It can be saved with
-        ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``. If some classes
-        could not be fitted, the attribute ``missing_classes`` says which, and why.
+        One child for each class, with its posterior, evidence, training data and settings. The
+        attribute ``likelihood_in_words`` describes the errors. If some classes could not be fitted,
+        the attribute ``missing_classes`` gives their names and the reasons.
+
+        With variability each child also has the group ``specimens``, the draws of its specimens.
+        The variable ``method`` of ``specimens`` and ``evidence`` is the method of each integral:
+        "importance", "tempering" or, for a class distribution with more than 24 unknowns, "bridge".
+        The variable ``pareto_k`` is the Pareto shape of the importance weights, NaN for the other
+        methods.
+
+        Save it with ``classes.to_netcdf(path)``, and read it with ``xarray.open_datatree(path)``.
 
     Raises
     ------
     TypeError, ValueError
-        If there are no classes, or anything is wrong with the data, priors or numbers.
+        If there are no classes, if data, priors or numbers are invalid, or if no class can be
+        fitted.
 
     Warns
     -----
     UserWarning
-        If an evidence is doubtful, a specimen was given up after long, or a class cannot be fitted:
-        the others then are.
+        If an evidence is doubtful, if a specimen was given up because its sampling did not converge
+        or its curves are inaccurate, or if a class cannot be fitted. The other classes are fitted.
 
     See Also
     --------
@@ -152,18 +157,18 @@ def fit_classes(
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = fitted
     except KeyboardInterrupt:
-        # With a store the same call continues.
+        # With a store the same call continues, so the interrupt is raised.
         if not tree.children or store is not None:
             raise
     missing = {
         name: str(failed.get(name, "interrupted")) for name in classes if name not in tree.children
     }
     for name, why in missing.items():
-        said = f"class {name!r} is not fitted: {why}"
+        message = f"class {name!r} is not fitted: {why}"
         if not tree.children:
-            raise ValueError(said) from failed[name]
+            raise ValueError(message) from failed[name]
         # Keep the classes that were fitted.
-        warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+        warnings.warn(message, skip_file_prefixes=(PACKAGE,))
     tree.attrs |= kind.settings().attrs() | {"random_seed": json.dumps(seed.entropy)}
     if missing:
         tree.attrs[MISSING] = json.dumps(missing)
@@ -173,7 +178,7 @@ def fit_classes(
 def _manifest(
     kind: ClassKind, classes: Data, seed: np.random.SeedSequence, draws: int, chains: int
 ) -> dict[str, Any]:
-    """Return the settings on which the numbers of fitted classes depend, for a store."""
+    """Return everything that fitted classes depend on, for the manifest of a store."""
     return {
         "work": "fit_classes",
         "settings": asdict(kind.settings()),
@@ -185,20 +190,23 @@ def _manifest(
 
 
 def check_classes(classes: Any) -> None:
-    """Raise unless `classes` are data by the name of a class."""
-    # A Dataset is a mapping too, of its variables.
+    """Raise unless `classes` is a dict of data by class name, with names that can be stored."""
+    # A Dataset or DataTree is a Mapping too.
     if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
         raise TypeError(
-            'classes must be a dict of names to training data, such as {"C1": data}, not '
+            'classes must be a dict of training data by class name, such as {"C1": data}, not '
             f"{type(classes).__name__}"
         )
     if not classes:
-        raise ValueError("classes must be a dict of names to training data; it is {}")
+        raise ValueError("classes is {}; expected a dict of training data by class name")
     for name in classes:
         if not isinstance(name, str) or not name or "/" in name or name in (".", ".."):
-            raise ValueError(f"a class is named by text without '/', not '.' or '..'; got {name!r}")
+            raise ValueError(
+                f"the name of a class is {name!r}; expected text that is not empty, has no '/', "
+                "and is not '.' or '..'"
+            )
         if found := forbidden_character(name):
             raise ValueError(
-                f"the class {name!r} has the character {found!a}, which cannot be written to "
-                "a file: remove it"
+                f"the name of the class {name!r} has the character {found!a}, which cannot be "
+                "written to a file: remove it"
             )

@@ -1,4 +1,8 @@
-"""What every kind of class can do."""
+"""Interface of the kinds of classes, and the types of their results.
+
+Fitting, classification, cross-validation and comparison use the interface; ``pooled`` and
+``variable`` implement it.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -17,56 +21,63 @@ Array = NDArray[np.float64]
 
 
 class Prediction(NamedTuple):
-    """What a class says of new data."""
+    """Prediction of new data by one class."""
 
     log_evidence: Estimate
+    """Log marginal likelihood of the new data under the class, in nats."""
     own_error: float
-    """Standard error without what the evidences of all classes have in common."""
+    """Standard error of the log evidence without the part that all classes share, in nats."""
     method: str
+    """Method by which the evidence was computed."""
     pareto_k: float
+    """Pareto shape of its importance weights; NaN after tempering."""
     p_value: float = np.nan
-    """Chance that a specimen of the class is stranger, by either of the following."""
+    """P-value of the hypothesis that the specimen belongs to the class: the next two combined."""
     p_typical: float = np.nan
+    """P-value of the specimen's wall, see ``typical_p_value``."""
     p_fit: float = np.nan
+    """P-value of its noise or misfit, see ``noise_p_value`` and ``misfit_p_value``."""
     hybrids: "Callable[[int], Array] | None" = None
-    """Log evidences under this class with parts of that of another number in place of its own.
+    """Function of the number of another class: log evidences under hybrids of the two classes.
 
-    One axis a part of the kind, two entries long: this class's part, and the other's. It holds for
-    the data at hand, before other ones are predicted.
+    The result has one axis for each of the kind's ``parts``, with the entries 0 (the part is that
+    of this class) and 1 (that of the other class). Call it before the predictor is called for other
+    data.
     """
     probability_error: float = 0.0
-    """Standard error of the class's probability from what laws it is an average of."""
+    """Standard error of the class's probability that comes from averaging over several laws."""
 
 
 class Fold(NamedTuple):
-    """What classes that were fitted without some specimens say of these."""
+    """Predictions of specimens by classes that were fitted without them."""
 
     training_evidence: Estimate
+    """Log evidence of the training data of all classes."""
     verdict: str
-    """The worst about a class's evidence."""
+    """Worst verdict on the evidence of a class."""
     predictions: dict[str, list[Prediction]]
-    """By specimen, for every class."""
+    """Predictions of each specimen by its name, one for each class."""
 
 
-Data = Mapping[str, xr.Dataset]  # by class
+# Data, and fitted results, by the name of the class.
+Data = Mapping[str, xr.Dataset]
 Fitted = Mapping[str, xr.DataTree]
 Seed = np.random.SeedSequence
 Predictor = Callable[[xr.Dataset, Seed], list[Prediction]]
 
 
 class ClassKind(ABC):
-    """How the specimens of a class are modelled.
+    """A way to model the specimens of a class, with the settings that all classes share.
 
-    An instance holds the settings that all classes of one comparison share. Fitting, classifying,
-    cross-validation and comparison are written against this, and know no kind by its name: a new
-    one is a subclass, and a row in :mod:`pymc_hyperelastic.classes.kinds`.
+    Fitting, classification, cross-validation and comparison depend only on this interface. A new
+    kind is a subclass and an entry in :mod:`pymc_hyperelastic.classes.kinds`.
     """
 
-    #: What users call it.
+    #: Value of the argument ``variability`` that selects this kind.
     variability: ClassVar[str]
-    #: Whether a prediction has a p-value.
+    #: True if a prediction has a p-value.
     has_p_value: ClassVar[bool]
-    #: Whether a new specimen is a fresh draw, which no specimen of the class is.
+    #: True if a new specimen is modelled as a new draw from the class distribution.
     fresh_specimens: ClassVar[bool] = False
 
     energy: Any
@@ -74,12 +85,12 @@ class ClassKind(ABC):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What an evidence consists of: parts of a class, or of what was measured."""
+        """Names of the parts into which an evidence is divided: parts of the class, or signals."""
         return ("all",)
 
     @property
     def in_words(self) -> str:
-        """What tells two kinds of one law apart that may be averaged."""
+        """Words for labels that distinguish kinds with the same law in an average over laws."""
         return ""
 
     @classmethod
@@ -94,32 +105,41 @@ class ClassKind(ABC):
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
     ) -> Self:
-        """Return the kind with arguments of :func:`~pymc_hyperelastic.fit_classes`.
+        """Return the kind from arguments of :func:`~pymc_hyperelastic.fit_classes`.
 
-        Arguments that the kind does not use must have their defaults.
+        Raises
+        ------
+        ValueError
+            If an argument that the kind does not use differs from its default.
         """
 
     @classmethod
     @abstractmethod
     def from_settings(cls, settings: ModelSettings) -> Self:
-        """The kind of a fitted class, as it was stored."""
+        """Return the kind of a fitted class from its stored settings."""
 
     def check_stored(self, fitted: xr.DataTree) -> None:
-        """Raise ValueError, naming the class, unless it holds what this kind reads of one.
+        """Raise ValueError, naming the class, if values that this kind needs are missing or wrong.
 
-        Its settings are read before that, see :meth:`from_settings`.
+        The settings are read and checked before, see :meth:`from_settings`.
         """
 
     @abstractmethod
     def settings(self) -> ModelSettings:
-        """The settings as a result and a store hold them; ValueError if they cannot be stored."""
+        """Return the settings in the form in which results and stores hold them.
+
+        Raises
+        ------
+        ValueError
+            If a setting cannot be stored.
+        """
 
     @abstractmethod
     def check(self, data: xr.Dataset) -> None:
-        """Raise TypeError or ValueError unless these data can be modelled so."""
+        """Raise TypeError or ValueError unless this kind can model these data."""
 
     def check_classes(self, classes: Data) -> None:
-        """Raise, naming the class, unless the data of each can be modelled so."""
+        """Raise, naming the class, unless this kind can model the data of each class."""
         for name, data in classes.items():
             try:
                 self.check(data)
@@ -136,43 +156,45 @@ class ClassKind(ABC):
         progressbar: bool = False,
         remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
-        """Fit class after class, or say why one cannot be.
+        """Fit one class after the other; yield its name with its result, or with an error.
 
-        All input is checked before the first is sampled. What can be kept goes through `remember`.
+        All input is checked before the first class is sampled. Computations that may be stored are
+        done by `remember`.
         """
 
     @abstractmethod
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
-        """What classes say of parts of new data, one after another, each with a seed of its own.
+        """Return a function that predicts one part of the new data under each class.
 
-        All is set up for data `like` these, in ranges of radii, stretches and geometry: what is
-        said of a part depends on no other one.
+        The function takes the data of the part and a seed. Models and integrators are set up here,
+        for the ranges of radii, stretches and geometry in `like`, which is all the new data: the
+        prediction of a part then does not depend on other parts.
         """
 
     @abstractmethod
     def leave_out(
         self, classes: Data, seed: Seed, remember: Remember = compute_now
     ) -> Callable[[Collection[str], int, int], Fold]:
-        """Fit classes, and hold them against specimens that are left out.
+        """Return a function that fits the classes without some specimens, and predicts these.
 
-        What is common to all fits is done at once; then specimens, draws and chains give a fold,
-        which depends on no other one.
+        The function takes the names of the specimens, and the numbers of draws and chains.
+        Computations that all folds share are done here. A fold does not depend on other folds.
         """
 
     @abstractmethod
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
-        """Material parameters of new specimens of a class, draws along the first axis."""
+        """Draw new specimens of a class; return material parameters, draws along the first axis."""
 
     def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
-        """Log density of a class's posterior at the draws of another, its evidence left out."""
+        """Return the unnormalised log posterior density of a class at the draws of another one."""
         raise ValueError(
-            "the divergence is that of classes without variability, whose posteriors are "
-            "distributions of the same material parameters; how far others are apart is shown by "
-            "ph.plot_parameter_density"
+            "the divergence is defined only for classes without variability, whose posteriors are "
+            "distributions of the same material parameters. Use ph.plot_parameter_density to "
+            "compare classes with variability"
         )
 
 
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> Estimate:
-    """Log evidence of the training data of all classes together."""
-    values, errors = np.transpose([log_evidence(of_class) for of_class in fitted.values()])
+    """Return the log evidence of the training data of all classes, the sum over classes."""
+    values, errors = np.transpose([log_evidence(tree) for tree in fitted.values()])
     return Estimate(float(values.sum()), float(np.linalg.norm(errors)))

@@ -1,4 +1,4 @@
-"""The kinds of classes that there are, and which of them is meant."""
+"""Find the kind of class for arguments of a user, or for fitted classes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,8 +18,9 @@ from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.settings import ModelSettings, law_names_of, model_settings_of
 from pymc_hyperelastic.predictions.measured import warn_user
 
-#: Attribute of fitted classes: those that could not be fitted, and why, as JSON.
+#: Attribute of fitted classes: JSON of the reasons why others were not fitted, by class name.
 MISSING = "missing_classes"
+# Kinds of classes by the value of the argument ``variability``.
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 
@@ -29,7 +30,7 @@ def kind_of_settings(
     likelihood: Likelihood | Any,
     **settings: Any,
 ) -> ClassKind:
-    """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for."""
+    """Return the kind of class for arguments of :func:`~pymc_hyperelastic.fit_classes`."""
     if variability not in _KINDS:
         names = " or ".join(map(repr, _KINDS))
         raise ValueError(f"variability must be {names}, not {variability!r}")
@@ -37,47 +38,69 @@ def kind_of_settings(
 
 
 def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
-    """Kind and settings of fitted classes: they have to be one, or evidences do not compare.
+    """Return the kind of fitted classes, with their settings.
 
-    Who reads evidences alone does not need them `whole`, with draws and data.
+    Parameters
+    ----------
+    classes : xarray.DataTree
+        Fitted classes.
+    whole : bool
+        Whether draws and data are checked too; a caller that reads only evidences does not need
+        them.
+
+    Raises
+    ------
+    ValueError
+        If the classes have different settings, so that their evidences cannot be compared, or if
+        a class is damaged.
     """
     check_result(classes, "ph.fit_classes")
     if not classes.children:
-        raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
+        raise ValueError("classes must be the result of ph.fit_classes; it holds no classes")
     settings = {name: _settings_of(name, fitted) for name, fitted in classes.children.items()}
     first = next(iter(settings.values()))
-    for name, own in settings.items():
-        for key, mine in vars(own).items():
-            theirs = getattr(first, key)
-            if mine != theirs:
+    for name, of_class in settings.items():
+        for key, value in vars(of_class).items():
+            other = getattr(first, key)
+            if value != other:
                 raise ValueError(
-                    f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
+                    f"class {name!r} was fitted with {key} {value}, others with {other}: evidences "
                     "can only be compared under one strain energy, one prior and one likelihood"
                 )
     with reading(next(iter(classes.children.values())), ""):
-        found = _KINDS[first.variability].from_settings(first)
+        kind = _KINDS[first.variability].from_settings(first)
     for fitted in classes.children.values() if whole else ():
-        found.check_stored(fitted)
-    return found
+        kind.check_stored(fitted)
+    return kind
 
 
 def _settings_of(name: str, fitted: xr.DataTree) -> ModelSettings:
     settings = model_settings_of(fitted)
     if settings is None or settings.priors is None or settings.likelihood is None:
         raise ValueError(
-            f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
+            f"classes must be the whole result of ph.fit_classes; {name!r} is no class: its "
+            "settings, priors or likelihood are missing"
         )
     if settings.variability not in _KINDS:
         raise ValueError(
-            f"class {name!r} has the variability {settings.variability!r}; known are {[*_KINDS]}"
+            f"class {name!r} has the variability {settings.variability!r}; expected one of "
+            f"{[*_KINDS]}"
         )
     return settings
 
 
 def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
-    """The kind of classes whose specimens differ; ValueError, with the reason, for any other.
+    """Return the kind of fitted classes with variability.
 
-    Warns of a class without a sound evidence: its distribution is no sounder.
+    Raises
+    ------
+    ValueError
+        If the classes have no variability. The message begins with the reason, `why`.
+
+    Warns
+    -----
+    UserWarning
+        If the evidence of a class has no finite error: its distribution is then unreliable too.
     """
     kind = kind_of_classes(classes)
     if not isinstance(kind, Variability):
@@ -86,7 +109,7 @@ def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
         if not np.isfinite(log_evidence(fitted).standard_error):
             laws = " in ".join(law_names_of(fitted))
             warn_user(
-                f"the fit of class {name!r} ({laws}) is not to be trusted, nor is what follows "
-                "from it: see ph.diagnose_evidence"
+                f"the fit of class {name!r} ({laws}) is not to be trusted, and neither are results "
+                "that are computed from it: see ph.diagnose_evidence"
             )
     return kind

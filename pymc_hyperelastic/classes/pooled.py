@@ -1,4 +1,9 @@
-"""Classes whose specimens share one set of parameters, as in the paper."""
+"""Classes without variability: all specimens share one set of parameters, as in the paper.
+
+:class:`Pooled` fits such classes, and :class:`ClassPredictive` computes the marginal likelihood of
+new data under them. Fitting, classification, cross-validation and comparison of classes call them
+through the interface ``ClassKind``.
+"""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -52,22 +57,25 @@ from pymc_hyperelastic.predictions.walls import values_by_draw
 
 Array = NDArray[np.float64]
 
-# Draws of a class to which a mixture is fitted, and of the mixture for the class's own evidence.
-_TO_FIT, _CLASS_DRAWS = 4000, 20000
-# So many draws of a class show whether all of them are worth their time: then at least so many are
-# effective.
-_SEEN_BY, _FEW = 200, 10
-# Draws of proposals at modes, before others are adapted.
+# Largest number of draws of a class to which a mixture is fitted.
+_MIXTURE_DRAWS = 4000
+# Number of draws from this mixture for the normaliser of the class's posterior.
+_NORMALISER_DRAWS = 20000
+# Number of class draws at which the likelihood of new data is computed first.
+_TRIAL_DRAWS = 200
+# Fewest effective draws among these for which the likelihood at all class draws is computed.
+_FEWEST_EFFECTIVE_TRIALS = 10
+# Number of draws from the proposal at the modes, which is tried before a proposal is adapted.
 _CANDIDATE_DRAWS = 1500
-# Of these draws, the share of the class's mixture; the others are of modes.
-_SHARE_OF_CLASS = 0.1
-# Standard error, in nats, from which on the evidence of some signals alone counts as unknown.
+# Fraction of these draws that comes from the mixture of the class, in case modes are missing.
+_CLASS_SHARE = 0.1
+# Standard error, in nats, from which on the evidence of some of the signals counts as unknown.
 _LARGEST_ERROR = 0.5
 
 
 @dataclass(frozen=True)
 class Pooled(ClassKind):
-    """Settings of classes whose specimens share one set of parameters."""
+    """Settings of classes without variability."""
 
     variability: ClassVar[str] = "none"
     has_p_value: ClassVar[bool] = False
@@ -87,8 +95,8 @@ class Pooled(ClassKind):
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
     ) -> "Pooled":
-        """The kind, of settings that say nothing of how specimens differ."""
-        only = "it is used only with variability='specimen'"
+        """Return the kind; arguments for classes with variability must have their defaults."""
+        only = "this argument can be used only with variability='specimen'"
         if geometry:
             raise ValueError(f"geometry is {geometry!r}: {only}")
         if experiment_effect:
@@ -98,22 +106,22 @@ class Pooled(ClassKind):
         return cls(energy, as_likelihood(likelihood), priors)
 
     def __post_init__(self) -> None:
-        """Refuse a likelihood of observed variables: new data are held against the Potential."""
+        """Refuse a likelihood of observed variables: prediction needs the Potential."""
         if self.likelihood.observed:
             raise ValueError(
-                f"likelihood is {self.likelihood!r}; classes without variability need the "
-                "Potential: leave observed=True away"
+                f"likelihood is {self.likelihood!r}; classes without variability need a likelihood "
+                "that is a Potential: omit observed=True"
             )
 
     @classmethod
     def from_settings(cls, settings: ModelSettings) -> "Pooled":
-        """Settings of a fitted class."""
+        """Return the kind of a fitted class from its stored settings."""
         wall, likelihood = settings.make_wall(), settings.make_likelihood()
         if not isinstance(wall, StrainEnergy) or likelihood is None:
-            raise ValueError("it has layers, or no likelihood: make classes by ph.fit_classes")
+            raise ValueError("it has layers, or no likelihood: fit classes with ph.fit_classes")
         if likelihood.observed:
             raise ValueError(
-                f"it was sampled with observed variables, {likelihood!r}: make classes by "
+                f"it was sampled with observed variables, {likelihood!r}: fit classes with "
                 "ph.fit_classes"
             )
         priors = settings.make_priors()
@@ -121,11 +129,11 @@ class Pooled(ClassKind):
         return cls(wall, likelihood, priors)
 
     def check_stored(self, fitted: xr.DataTree) -> None:
-        """Raise unless a class has its data, and draws of all that is not known."""
+        """Raise unless a class has its data, an evidence, and draws of all unknowns."""
         data = inflation_data_of(fitted)
         with reading(fitted):
             if lacking := set(self.energy.parameter_names) - set(self.priors or {}):
-                raise ValueError(f"its priors lack those of {sorted(lacking)}")
+                raise ValueError(f"its priors lack the parameters {sorted(lacking)}")
             self.check(data)
         check_evidence(fitted)
         posterior = read_draws(fitted, "posterior")
@@ -141,20 +149,20 @@ class Pooled(ClassKind):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What was measured: a class is told from another by each."""
+        """Names of the signals of the likelihood: each contributes to the evidence."""
         return self.likelihood.signals
 
     def model(self, data: xr.Dataset) -> pm.Model:
-        """Model of a class with these data."""
+        """Return the PyMC model of a class with these data."""
         return tube_model(self.energy, data, self.likelihood, priors=self.priors)
 
     def settings(self) -> ModelSettings:
-        """The law, priors and errors."""
+        """Return the settings as they are stored in a result."""
         priors = complete_priors(self.energy, self.priors)
         return ModelSettings.of(self.energy, priors, self.likelihood)
 
     def check(self, data: xr.Dataset) -> None:
-        """Raise unless these data can be modelled so."""
+        """Raise unless these data can be modelled with these settings."""
         self.likelihood.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
@@ -166,7 +174,7 @@ class Pooled(ClassKind):
         progressbar: bool = False,
         remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
-        """Sample the posterior of class after class."""
+        """Sample the posterior of one class after the other, see ``ClassKind.fit``."""
         models = {}
         for name, data in classes.items():
             try:
@@ -182,78 +190,82 @@ class Pooled(ClassKind):
         self, models: dict[str, pm.Model], seeds: list[int], remember: Remember, **settings: Any
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         first = next(iter(models.values()))
-        kept = [rv.name for rv in first.free_RVs]
-        kept += [name for name in OFFSET_VARIABLES if name in first.named_vars]
+        names = [rv.name for rv in first.free_RVs]
+        names += [name for name in OFFSET_VARIABLES if name in first.named_vars]
         for i, (name, seed) in enumerate(zip(models, seeds, strict=True)):
-            sample = partial(run_smc, models[name], random_seed=seed, var_names=kept, **settings)
+            sample = partial(run_smc, models[name], random_seed=seed, var_names=names, **settings)
             try:
                 yield name, remember(f"class-{i}", sample)
             except (ValueError, ArithmeticError) as error:
                 yield name, error
 
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
-        """What classes say of parts of new data: everything is compiled once, for all of them."""
+        """Return a function that predicts parts of new data; it compiles everything here, once."""
         self.check(like)
         priors = complete_priors(self.energy, self.priors)
         forward = self.likelihood.forward_model(self.energy, like, priors)
         rng = np.random.default_rng(seed)
-        members = [*classes.values()]
-        predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in members]
+        fitted_classes = [*classes.values()]
+        predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in fitted_classes]
 
         @cache
-        def of_signals(number: int, signals: frozenset[str]) -> ClassPredictive:
+        def predictive_of_signals(number: int, signals: frozenset[str]) -> ClassPredictive:
             rng = np.random.default_rng(seed_of(seed, f"{number} {sorted(signals)}"))
-            return ClassPredictive(members[number], self, forward, rng, signals)
+            return ClassPredictive(fitted_classes[number], self, forward, rng, signals)
 
         def predict(data: xr.Dataset, seed: Seed) -> list[Prediction]:
             forward.set_data(data)
             states = seed.generate_state(len(predictives)).tolist()
-            known = [p(state) for p, state in zip(predictives, states, strict=True)]
+            predictions = [p(state) for p, state in zip(predictives, states, strict=True)]
 
             def evidence_of(number: int, signals: frozenset[str]) -> float:
                 try:
-                    value, error = of_signals(number, signals)(states[number]).log_evidence
+                    predictive = predictive_of_signals(number, signals)
+                    value, error = predictive(states[number]).log_evidence
                 except (ValueError, ArithmeticError):
                     return np.nan
                 return value if error < _LARGEST_ERROR else np.nan
 
             measured = self.likelihood.measured(data)
-            return with_hybrids(known, self.parts, measured, evidence_of)
+            return with_hybrids(predictions, self.parts, measured, evidence_of)
 
         return predict
 
     def leave_out(
         self, classes: Data, seed: Seed, remember: Remember = compute_now
     ) -> Callable[[Collection[str], int, int], Fold]:
-        """Fit all classes again for each of the specimens left out."""
+        """Return a function that fits all classes without some specimens, and predicts these.
+
+        See ``ClassKind.leave_out``.
+        """
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
-            own = seed_of(seed, ", ".join(left_out)).spawn(2)
-            fit, new = (seed_sequence(s.generate_state(4)) for s in own)
+            fold_seeds = seed_of(seed, ", ".join(left_out)).spawn(2)
+            fit_seed, new_seed = (seed_sequence(s.generate_state(4)) for s in fold_seeds)
             train = {name: without_specimens(data, left_out) for name, data in classes.items()}
             fitted: dict[str, xr.DataTree] = {}
-            for name, of_class in self.fit(train, draws, chains, fit):
-                if isinstance(of_class, Exception):
-                    raise ValueError(f"class {name!r} cannot be fitted: {of_class}") from of_class
-                fitted[name] = of_class
-            if any(of_class["evidence"].sizes["chain"] < chains for of_class in fitted.values()):
-                # What an interrupt has left of the chains is of no use here.
+            for name, tree in self.fit(train, draws, chains, fit_seed):
+                if isinstance(tree, Exception):
+                    raise ValueError(f"class {name!r} cannot be fitted: {tree}") from tree
+                fitted[name] = tree
+            if any(tree["evidence"].sizes["chain"] < chains for tree in fitted.values()):
+                # After an interrupt the sampler returns fewer chains: a fold needs all of them.
                 raise KeyboardInterrupt
             predictions: dict[str, list[Prediction]] = {}
             for data in classes.values():
                 parts = specimens_apart(data, left_out)
                 if parts:
                     new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
-                    predict = self.predictor(fitted, new_data, new)
+                    predict = self.predictor(fitted, new_data, new_seed)
                     predictions |= {
-                        name: predict(part, seed_of(new, name)) for name, part in parts.items()
+                        name: predict(part, seed_of(new_seed, name)) for name, part in parts.items()
                     }
             return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
         return fold
 
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
-        """Parameters of new specimens, which are those of the class: draws of its posterior."""
+        """Return posterior draws of the class's parameters, which all its specimens share."""
         posterior = fitted["posterior"].to_dataset().stack(sample=("chain", "draw"))
         return {
             name: posterior[name].transpose("sample", ...).values
@@ -261,7 +273,7 @@ class Pooled(ClassKind):
         }
 
     def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
-        """Log density of a class's posterior at the draws of another, its evidence left out."""
+        """Return the unnormalised log posterior density of a class at the draws of another one."""
         model = self.model(inflation_data_of(fitted))
         particles = _particles(other, model)
         columns = [
@@ -271,7 +283,7 @@ class Pooled(ClassKind):
 
 
 def _particles(fitted: xr.DataTree, model: pm.Model) -> dict[str, Array]:
-    """Particles of a class by the variables of its model, each by chain, draw and entry."""
+    """Return the particles of a class, (chain, draw, ...), by the value variables of its model."""
     group, shapes = "unconstrained_posterior", value_shapes(model)
     found = {}
     for name in (variable.name for variable in model.value_vars):
@@ -285,7 +297,7 @@ def _particles(fitted: xr.DataTree, model: pm.Model) -> dict[str, Array]:
 
 
 def _prediction(estimate: Estimate, method: str, pareto_k: float) -> Prediction:
-    """Prediction of one class, whose draws no other one shares."""
+    """Return a prediction whose whole error is its own: no other class shares its draws."""
     return Prediction(estimate, estimate.standard_error, method, pareto_k)
 
 
@@ -294,23 +306,40 @@ class ClassPredictive:
 
     .. math:: P(D | C) = \int P(D | θ) P(θ | C) \, dθ
 
-    The cheapest of three ways is taken that can be trusted:
+    Three methods are tried in this order, and the first reliable one gives the result:
 
     ``"class draws"``
         The mean likelihood of the stored draws of the class.
     ``"adapted draws"``
-        Importance sampling from a mixture about the modes with the new data, which are climbed to
-        from those of the class; where these draws are not enough, also from one that starts at the
-        class and follows the tempered likelihood of the new data. The normaliser of the class's
-        posterior is integrated in the same manner, once: both errors are small, and are added.
+        Importance sampling of the joint density of ``θ``, the training data and the new data. The
+        first proposal is a mixture at the modes of this density, which optimisation finds from the
+        modes of the class. If its draws are not accurate enough, the mixture of the class is
+        adapted to the density in tempered steps. The integral is divided by the normaliser of the
+        class's posterior, which is computed once, also by importance sampling. The errors of both
+        are added in quadrature.
     ``"tempering"``
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 
-    The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 400
-    draws are effective (A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed
-    importance sampling, Journal of Machine Learning Research 25 (2024) 72). Everything is compiled
-    once, and for all classes of one law together: they may share the `forward` model of the new
-    data, of which some `signals` may be used alone.
+    The first two methods are reliable if the Pareto shape of the weights is below 0.5 and at least
+    400 draws are effective [1]_.
+
+    Parameters
+    ----------
+    fitted : xarray.DataTree
+        The fitted class.
+    kind : Pooled
+        Settings of all classes.
+    forward : ForwardModel
+        Forward model of the new data. All classes may share it; its data can be replaced.
+    rng : numpy.random.Generator
+        Generator of the draws for the mixture and the normaliser.
+    signals : collection of str, optional
+        Signals of the new data that are used; all when missing.
+
+    References
+    ----------
+    .. [1] A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance
+       sampling, Journal of Machine Learning Research 25 (2024) 72.
     """
 
     @without_traces
@@ -336,32 +365,33 @@ class ClassPredictive:
         self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
         self._draws = np.concatenate([self._kernel.target.columns(c) for c in self._chains])
 
-        some = _some(self._draws, _TO_FIT)
-        components = components_for(len(some), self._kernel.dimension)
-        self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
-        self._width = width_of(some)
-        self._modes = self._modes_near(self._score_of_class, self._mixture.means)
+        thinned = _thinned(self._draws, _MIXTURE_DRAWS)
+        components = components_for(len(thinned), self._kernel.dimension)
+        self._mixture = GaussianMixture.fit(thinned, components, rng, iterations=20)
+        self._width = width_of(thinned)
+        self._modes = self._modes_from(self._score_of_class, self._mixture.means)
         proposal = self._mixture.heavy_tailed()
-        _, log_weights = weighted_draws(self._score_of_class, proposal, _CLASS_DRAWS, rng)
+        _, log_weights = weighted_draws(self._score_of_class, proposal, _NORMALISER_DRAWS, rng)
         self._normaliser, self._normaliser_k = mean_weight(log_weights)
 
     def _score_of_class(self, points: Array) -> tuple[Array, Array]:
-        """Return the log density of the class alone, and a likelihood of 1."""
+        """Return the log density without the new data, and a log likelihood of 0."""
         return self._kernel.target.score(points)[0], np.zeros(len(points))
 
-    def _modes_near(self, score: Score, places: Array) -> GaussianMixture | None:
-        """Find the modes of a density that is not wider than the class's posterior."""
-        modes = find_modes(gradient_by_differences(score), [places], self._width)
+    def _modes_from(self, score: Score, starts: Array) -> GaussianMixture | None:
+        """Find modes by optimisation from starting points, in steps of the class's width."""
+        modes = find_modes(gradient_by_differences(score), [starts], self._width)
         return modes and modes.mixture
 
     def __call__(self, random_seed: int) -> Prediction:
-        """Marginal likelihood of the data that the forward model holds."""
+        """Return the marginal likelihood of the data that the forward model holds."""
         rng = np.random.default_rng(random_seed)
         return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
 
     def _from_class_draws(self) -> Prediction | None:
-        # Most specimens are too far from the class, which a few draws tell.
-        if effective_sample_size(self._log_likelihood(_some(self._draws, _SEEN_BY))) < _FEW:
+        # For most specimens the class draws are not good enough: a few of them show it quickly.
+        trial = self._log_likelihood(_thinned(self._draws, _TRIAL_DRAWS))
+        if effective_sample_size(trial) < _FEWEST_EFFECTIVE_TRIALS:
             return None
         log_weights = self._log_likelihood(self._draws)
         estimate, pareto_k = mean_weight(log_weights)
@@ -370,7 +400,7 @@ class ClassPredictive:
         return _prediction(estimate, "class draws", pareto_k)
 
     def _log_likelihood(self, points: Array) -> Array:
-        """Of the new data."""
+        """Return the log likelihood of the new data at points; NaN becomes ``-inf``."""
         return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
 
     def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
@@ -394,15 +424,15 @@ class ClassPredictive:
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
     def _candidate(self) -> tuple[GaussianMixture, int] | None:
-        """Return a proposal that may be like the posterior, with a number of draws.
+        """Return a proposal at the modes with the new data, and its number of draws.
 
-        The modes of a class move a little for one more specimen. Some draws of the class itself
-        meet what there may be elsewhere.
+        One more specimen moves the modes of a class a little. A fraction of the draws comes from
+        the mixture of the class, in case there is mass elsewhere.
         """
-        modes = self._modes and self._modes_near(self._kernel.target.score, self._modes.means)
+        modes = self._modes and self._modes_from(self._kernel.target.score, self._modes.means)
         if modes is None:
             return None
-        joined = modes.joined(self._mixture, _SHARE_OF_CLASS)
+        joined = modes.joined(self._mixture, _CLASS_SHARE)
         return joined.heavy_tailed(), _CANDIDATE_DRAWS
 
     def _by_tempering(self, rng: np.random.Generator) -> Prediction:
@@ -414,6 +444,6 @@ class ClassPredictive:
         return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
 
 
-def _some(draws: Array, most: int) -> Array:
-    """So many of the draws at most, evenly spread."""
+def _thinned(draws: Array, most: int) -> Array:
+    """Return at most `most` of the draws, evenly spaced."""
     return draws[:: -(-len(draws) // most)]

@@ -1,4 +1,8 @@
-"""What each measured signal says of classes whose specimens share one set of parameters."""
+"""Divide the evidence between measured signals, for classes without variability.
+
+The signals are pressure, slope and force. Predictions of classes without variability call
+:func:`with_hybrids`.
+"""
 
 from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
@@ -10,7 +14,8 @@ from pymc_hyperelastic.classes.interface import Prediction
 
 Array = NDArray[np.float64]
 
-# Log evidence of some signals alone, under the class of a number; NaN where it is not known.
+# Function of the number of a class and of a set of signals: the log evidence, in nats, of these
+# signals alone under the class; NaN if it is unknown.
 EvidenceOf = Callable[[int, frozenset[str]], float]
 
 
@@ -20,29 +25,31 @@ def with_hybrids(
     measured: Collection[str],
     evidence_of: EvidenceOf,
 ) -> list[Prediction]:
-    r"""Predictions that tell what any two of the classes say of the signals, each of some.
+    r"""Return the predictions with a function for evidences of hybrids of two classes.
 
-    With the signals in ``S`` told by the other class, and those in its complement ``S'`` by the
-    class itself,
+    A hybrid takes the signals in a set ``S`` from the other class, and those in its complement
+    ``S'`` from the class itself:
 
     .. math:: v(S) = \ln P(D_{S'} | C) + \ln P(D_S | C_{\mathrm{other}})
 
-    Of `signals` that were not `measured` nothing is told. Evidences of some signals alone are
-    taken only when they are asked for, and once.
+    `signals` that were not `measured` do not contribute. The evidence of some of the signals is
+    computed when it is first needed, and then cached. See ``Prediction.hybrids``.
     """
-    evidence_of, known = cache(evidence_of), frozenset(measured)
+    evidence_of, all_measured = cache(evidence_of), frozenset(measured)
 
-    def log_evidence(number: int, told: frozenset[str]) -> float:
-        if told >= known:
+    def log_evidence(number: int, chosen: frozenset[str]) -> float:
+        if chosen >= all_measured:
             value, error = predictions[number].log_evidence
             return value if np.isfinite(error) else np.nan
-        return evidence_of(number, told & known) if told & known else 0.0
+        chosen &= all_measured
+        return evidence_of(number, chosen) if chosen else 0.0
 
     def hybrids(own: int, other: int) -> Array:
         values = np.empty((2,) * len(signals))
         for place in np.ndindex(values.shape):
-            told = frozenset(s for s, by_other in zip(signals, place, strict=True) if by_other)
-            values[place] = log_evidence(own, known - told) + log_evidence(other, told)
+            from_other = frozenset(s for s, moved in zip(signals, place, strict=True) if moved)
+            of_own = log_evidence(own, all_measured - from_other)
+            values[place] = of_own + log_evidence(other, from_other)
         return values
 
     return [p._replace(hybrids=partial(hybrids, i)) for i, p in enumerate(predictions)]

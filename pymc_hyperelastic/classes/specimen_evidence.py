@@ -1,4 +1,7 @@
-"""The evidence of a specimen under classes whose specimens differ."""
+"""Compute the evidence of a specimen under classes with variability, from its weighted draws.
+
+Predictions of new specimens use it, and fits of classes use the variance that the draws cause.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -27,100 +30,103 @@ PARTS: dict[str, tuple[str, ...]] = {
     "experiments": ("experiment_spread", "effect_spread"),
     "noise": ("log_size", "noise_spread"),
 }
-"""Parts of a class's distribution, and of what each consists."""
+"""Parts of a class distribution, with the attributes of ``ClassDistribution`` in each."""
 
-# Distributions of a class for which all draws of a specimen are weighted.
-_DISTRIBUTIONS = 100
-# Error of a log evidence, in nats, that a smaller number of draws may add.
+# Number of draws of a class distribution at which all draws of a specimen are weighted.
+_TRIAL_DISTRIBUTIONS = 100
+# Standard error, in nats, that a smaller number of draws may add to a log evidence.
 _ERROR_OF_DRAWS = 0.01
-# Draws of a specimen, at least.
+# Fewest draws of a specimen that are used.
 _FEWEST_DRAWS = 200
-# Draws of two distributions whose parts are exchanged.
-_EXCHANGED = 250
+# Largest number of draws of two class distributions from which hybrids are made.
+_HYBRID_DISTRIBUTIONS = 250
+# Standard deviations of a reference distribution, in those of a new specimen of the class.
+_REFERENCE_WIDTH = 1.5
 
 
 def variance_of_specimen(
     draws: SpecimenDraws, distributions: ClassDistribution, count: int
 ) -> float:
-    r"""Variance of a class's log evidence if `count` of the draws stand for one of its specimens.
+    r"""Variance of a class's log evidence if `count` draws represent one of its specimens.
 
-    The evidence is a mean over the class's distributions ``φ`` of products of sums over draws. To
-    first order each draw changes its logarithm by its share of the sum, averaged over ``φ``:
-    effects under different distributions may cancel.
+    The evidence is a mean over class distributions ``φ`` of products of sums over draws. To first
+    order, a draw changes the log evidence by its share of the sum, averaged over ``φ``: the changes
+    under different distributions may cancel.
 
-    The variance is estimated from all draws. An estimate from `count` of them would be too small
-    if the most important draws are missing.
+    The variance is estimated from all draws. An estimate from `count` draws would be too small if
+    the most important draws were missing.
     """
     log_shares = draws.log_weight + log_densities(draws, distributions)
     return variance_of_shares(log_shares, draws.standard_error, count)
 
 
 def variance_of_shares(log_shares: Array, standard_error: float, count: int) -> float:
-    """The same by the logarithms of the terms of the sum, (distribution, draw)."""
+    """Compute :func:`variance_of_specimen` from the log terms of the sum, (distribution, draw)."""
     if np.isinf(standard_error):
         return np.inf
     log_shares = log_shares - logsumexp(log_shares, axis=1, keepdims=True)
     shares = np.exp(log_shares).mean(axis=0)
-    known, common = len(shares), standard_error**2
-    # Draws were themselves chosen among weighted ones: what these do not know adds to both terms.
-    return float(common + (known * np.sum(shares**2) - 1) * (1 / count + common))
+    total, common = len(shares), standard_error**2
+    # The draws were resampled from weighted draws, whose variance enters both terms.
+    return float(common + (total * np.sum(shares**2) - 1) * (1 / count + common))
 
 
 class SpecimenEvidence(NamedTuple):
-    """Log evidence of a specimen under a class, and how far it can be trusted.
-
-    The second standard error leaves out what the evidences of all classes have in common, the
-    draws of the specimen. The Pareto shape is the larger of two: of the weights of these draws
-    under the class, and of those from which the draws were chosen.
-    """
+    """Log evidence of a specimen under a class, with its error and its reliability."""
 
     log_evidence: Estimate
     own_error: float
+    """Standard error without the part that all classes share: that of the specimen's draws."""
     method: str
     pareto_k: float
+    """Larger Pareto shape of two sets of weights.
+
+    They are the weights of the specimen's draws under the class, and those of the integral from
+    which these draws were resampled.
+    """
 
 
 def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
-    """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over.
+    """Return the evidence of a new specimen of a class, averaged over the class distribution.
 
-    The evidence mostly varies with the distribution of the class, and hardly with the draws of a
-    specimen, which its curves determine. From all draws under a few distributions the number of
-    draws that are needed is computed, and their Pareto shape; the evidence is the mean over this
-    number of draws under all distributions.
+    The evidence varies mostly with the class distribution, and little with the specimen's draws,
+    because the curves determine these well. The Pareto shape and the number of draws that are
+    needed are therefore computed from all draws of the specimen under a few draws of the class
+    distribution. The evidence is the mean over the needed draws under all distributions.
     """
-    size = known = len(draws.log_weight)
+    size = total = len(draws.log_weight)
     count = len(distributions.location[0])
-    if count > _DISTRIBUTIONS:
-        few = distributions.at(evenly(count, _DISTRIBUTIONS))
-        effective, pareto_k = _trust(draws.log_weight + mean_density(draws, few), draws)
-        needed = max(known / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
-        size = int(np.clip(needed, min(_FEWEST_DRAWS, known), known))
+    if count > _TRIAL_DISTRIBUTIONS:
+        trial = distributions.at(evenly(count, _TRIAL_DISTRIBUTIONS))
+        effective, pareto_k = _reliability(draws.log_weight + mean_density(draws, trial), draws)
+        needed = max(total / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
+        size = int(np.clip(needed, min(_FEWEST_DRAWS, total), total))
 
-    some = draws.first(size)
-    density = log_densities(some, distributions)
-    # A draw so far away that a class knows nothing of it has no density at all.
+    used = draws.first(size)
+    density = log_densities(used, distributions)
+    # Keep the maximum finite if the density underflows to zero under all distributions.
     largest = np.maximum(density.max(axis=0), -np.finfo(float).max)
-    # Exponentials are most of the work: they are taken once.
+    # The exponentials take most of the time, so they are computed once and in place.
     density -= largest
     np.exp(density, out=density)
     with np.errstate(divide="ignore"):
-        log_weights = some.log_weight + largest + np.log(density.mean(axis=0))
+        log_weights = used.log_weight + largest + np.log(density.mean(axis=0))
     value = float(logsumexp(log_weights))
-    if size == known:
-        effective, pareto_k = _trust(log_weights, draws)
-    of_draws = max(known / effective - 1, 0.0) / size
-    each = density @ np.exp(some.log_weight + largest - value)
-    own = float(np.sqrt(of_draws + np.var(each) / count))
-    estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
+    if size == total:
+        effective, pareto_k = _reliability(log_weights, draws)
+    variance_of_draws = max(total / effective - 1, 0.0) / size
+    relative = density @ np.exp(used.log_weight + largest - value)
+    own_error = float(np.sqrt(variance_of_draws + np.var(relative) / count))
+    estimate = Estimate(value, float(np.hypot(own_error, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
-    return SpecimenEvidence(estimate, own, method, pareto_k)
+    return SpecimenEvidence(estimate, own_error, method, pareto_k)
 
 
-def _trust(log_weights: Array, draws: SpecimenDraws) -> tuple[float, float]:
-    """Effective number of weighted draws, and the larger Pareto shape of these and of the draws."""
+def _reliability(log_weights: Array, draws: SpecimenDraws) -> tuple[float, float]:
+    """Return the effective sample size of the weights, and ``SpecimenEvidence.pareto_k``."""
     effective = effective_sample_size(log_weights)
     pareto_k = np.inf if effective < ENOUGH else pareto_shape(log_weights)
-    # Tempering has no weights, and no shape.
+    # The Pareto shape of draws from tempering is NaN, which fmax ignores.
     return effective, float(np.fmax(pareto_k, draws.pareto_k))
 
 
@@ -131,18 +137,22 @@ def hybrid_evidences(
     parts: Sequence[str],
     ends: tuple[float, float],
 ) -> Array:
-    """Log evidences of a specimen under a class of which some `parts` are those of another one.
+    """Log evidences of a specimen under hybrids of two class distributions.
 
-    One axis a part, two entries long: `own` part, and the `other`'s. Parts are exchanged draw by
-    draw of the two distributions, of which some are enough: what these few make the evidences under
-    the classes themselves differ from the `ends`, which are known from more, is divided evenly. The
-    result is that of the sample in `samples` whose weights have the smallest Pareto shape, and NaN
-    if no shape is small enough; the first sample is tried first.
+    A hybrid has each of its `parts` either from the distribution `own` or from the `other`. The
+    result has one axis for each part, with the entries 0 (own) and 1 (other). A limited number of
+    draws of the two distributions is combined in pairs. The evidences under the two classes
+    themselves are known from more draws: they are the `ends`. The difference at each end is added
+    to all entries, weighted by the fraction of parts that an entry shares with this end.
+
+    Each entry comes from the sample in `samples` whose weights have the smallest Pareto shape; it
+    is NaN if this shape is too large. Later samples are used only if an earlier one leaves such an
+    entry.
     """
     shape = (2,) * len(parts)
     if len(parts) == 1:
         return np.array(ends)
-    count = min(len(own.location[0]), len(other.location[0]), _EXCHANGED)
+    count = min(len(own.location[0]), len(other.location[0]), _HYBRID_DISTRIBUTIONS)
     pair = tuple(d.at(evenly(len(d.location[0]), count)) for d in (own, other))
     values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
     for draws in samples:
@@ -152,51 +162,55 @@ def hybrid_evidences(
             largest = density.max(axis=0)
             log_weights = draws.log_weight + largest
             log_weights += np.log(np.exp(density - largest).mean(axis=0))
-            pareto_k = _trust(log_weights, draws)[1]
+            pareto_k = _reliability(log_weights, draws)[1]
             if pareto_k < shapes[place]:
                 values[place], shapes[place] = logsumexp(log_weights), pareto_k
         if shapes.max() < LARGEST_PARETO_K:
             break
     values[shapes >= LARGEST_PARETO_K] = np.nan
-    exchanged = np.indices(shape).mean(axis=0)
+    fraction = np.indices(shape).mean(axis=0)  # of the parts that come from the other class
     first, last = np.array(ends) - values.flat[[0, -1]]
-    return values + (1 - exchanged) * first + exchanged * last
+    return values + (1 - fraction) * first + fraction * last
 
 
 def _densities_of_parts(
     draws: SpecimenDraws, pair: Sequence[ClassDistribution], parts: Sequence[str]
 ) -> Callable[[Mapping[str, int]], Array]:
-    """Log densities of draws by whose part is taken; noise is independent of all else."""
-    known: dict[tuple[int, int], Array] = {}
+    """Return a function that computes the log densities of draws under a hybrid.
 
-    def densities(whose: Mapping[str, int]) -> Array:
-        wall = whose["material"], whose.get("experiments", 0)
-        if wall not in known:
+    Its argument gives the number in `pair` of the distribution that each part comes from. The
+    densities of the wall are cached, as noise is independent of the wall.
+    """
+    cached: dict[tuple[int, int], Array] = {}
+
+    def densities(source: Mapping[str, int]) -> Array:
+        wall = source["material"], source.get("experiments", 0)
+        if wall not in cached:
             changes: dict[str, Any] = dict.fromkeys(PARTS["noise"])
             changes |= {name: getattr(pair[wall[1]], name) for name in PARTS["experiments"]}
-            known[wall] = log_densities(draws, replace(pair[wall[0]], **changes))
+            cached[wall] = log_densities(draws, replace(pair[wall[0]], **changes))
         if "noise" not in parts:
-            return known[wall]
-        return known[wall] + log_density_of_noise(np, draws.log_size, pair[whose["noise"]])
+            return cached[wall]
+        return cached[wall] + log_density_of_noise(np, draws.log_size, pair[source["noise"]])
 
     return densities
 
 
 def near_class(distributions: ClassDistribution) -> ClassDistribution:
-    """One distribution like those of a class, and wider: a reference for a specimen of it."""
+    """Return a reference distribution for a specimen of a class: one that is 1.5 times as wide."""
     d = distributions
     location, spread = np.asarray(d.location)[..., 0], np.asarray(d.spread)[..., 0]
     mean = location.mean(axis=1)
-    wide = 1.5 * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
+    wide = _REFERENCE_WIDTH * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
     optional: dict[str, Any] = {}
     if d.experiment_spread is not None:
         within = np.asarray(d.experiment_spread)[..., 0]
         optional |= {
-            "experiment_spread": 1.5 * np.sqrt((within**2).mean(axis=1)),
+            "experiment_spread": _REFERENCE_WIDTH * np.sqrt((within**2).mean(axis=1)),
             "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
         }
     if d.log_size is not None:
         logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_size, d.noise_spread))
-        spread_of = logs.var(axis=1) + (spreads**2).mean(axis=1)
-        optional |= {"log_size": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
+        noise_spread = _REFERENCE_WIDTH * np.sqrt(logs.var(axis=1) + (spreads**2).mean(axis=1))
+        optional |= {"log_size": logs.mean(axis=1), "noise_spread": noise_spread}
     return ClassDistribution(mean, wide, np.eye(len(mean)), **optional)

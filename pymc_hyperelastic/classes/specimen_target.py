@@ -1,4 +1,7 @@
-"""A specimen as a target: on what its curves depend, everything else integrated out."""
+"""Target density of a specimen: the variables that its curves depend on, without all others.
+
+``SpecimenSampler`` samples it.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -20,8 +23,8 @@ from pymc_hyperelastic.evidence.target import (
 
 Array = NDArray[np.float64]
 
-# Draws from which the width of the prior is estimated.
-_DRAWS = 1000
+# Number of draws from which the width of the prior is estimated.
+_WIDTH_DRAWS = 1000
 
 
 class SpecimenPrior(Protocol):
@@ -35,23 +38,26 @@ class SpecimenPrior(Protocol):
 
 
 class SpecimenTarget(Target):
-    """The variables of a model on which its curves depend, under a prior of their own.
+    """Posterior of those variables of a model that the curves depend on, under a given prior.
 
-    If experiments differ, a specimen has its own coordinates and an effect besides the coordinates
-    of each test: a funnel, in which particles get lost. Both can be integrated out of the prior.
+    If experiments differ, a specimen has coordinates of each test, and in addition coordinates of
+    its own and an experiment effect. The posterior of all of them is a funnel, which is hard to
+    sample. The curves depend only on the coordinates of the tests, so the other variables can be
+    integrated out of the prior.
 
     Parameters
     ----------
     model : Target
         The model with all its variables.
     places : array of int
-        Columns of those on which the curves depend.
+        Columns of the variables that the curves depend on, among all variables.
     prior : SpecimenPrior
-        Prior of points of these variables.
+        Prior of the variables that the curves depend on.
     log_likelihood : BatchedFunction
         Log likelihood of points of all variables.
     misfits : callable
-        Log likelihood of points of all variables, and the size of each of their standard errors.
+        Log likelihood of points of all variables, and the absolute standardised residual of each
+        measurement.
     """
 
     def __init__(
@@ -62,13 +68,13 @@ class SpecimenTarget(Target):
         log_likelihood: BatchedFunction,
         misfits: Callable[[Array], Sequence[Array]],
     ) -> None:
-        # The variables are those of the model: the base class would compile them once more.
+        # The constructor of the base class is not called: it would compile the model again.
         self.whole, self.places, self.prior = model, places, prior
         self.misfits, self.log_likelihood = misfits, log_likelihood
         self.dimension = len(places)
 
     def particles(self, points: Array) -> Array:
-        """Return points of all variables; variables without influence on the curves are 0."""
+        """Return points of all variables; variables that the curves do not depend on are 0."""
         particles = np.zeros((len(points), self.whole.dimension))
         particles[:, self.places] = points
         return particles
@@ -89,31 +95,34 @@ class SpecimenTarget(Target):
     def derivatives(self, points: Array, width: Array) -> Derivatives:
         """Return the log density of the posterior, its gradient and its curvature.
 
-        The curvature is that of Gauss and Newton: the likelihood is a sum of squares of standard
-        errors, whose gradients are known.
+        The curvature is the Gauss-Newton approximation: the log likelihood is a sum of squared
+        standardised residuals, whose gradients are finite differences.
         """
         stencil, difference = finite_differences(points, width)
         flat = stencil.reshape(-1, self.dimension)
-        likelihood, errors = self.misfits(self.particles(flat))
+        likelihood, residuals = self.misfits(self.particles(flat))
         prior, likelihood, _ = evaluation(self.prior.log_density(flat), likelihood)
-        of_errors = difference(errors.reshape(*stencil.shape[:2], -1))
-        of_errors = np.nan_to_num(of_errors, posinf=0, neginf=0)
-        curvature = of_errors @ of_errors.mT + np.diag(self.prior_width**-2.0)
+        jacobian = difference(residuals.reshape(*stencil.shape[:2], -1))
+        jacobian = np.nan_to_num(jacobian, posinf=0, neginf=0)
+        curvature = jacobian @ jacobian.mT + np.diag(self.prior_width**-2.0)
         values = (prior + likelihood).reshape(len(points), -1)
         gradient = np.nan_to_num(difference(values), posinf=0, neginf=0)
         return Derivatives(values[:, 0], gradient, curvature)
 
     def squares(self, points: Array) -> Array:
-        """Return the sum of squared standardised errors of each point."""
+        """Return the sum of squared standardised residuals of each point."""
         return np.square(self.misfits(self.particles(points))[1]).sum(axis=1)
 
     @cached_property
     def prior_width(self) -> Array:
         """Width of the prior in each variable."""
-        return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
+        return width_of(self.draw_prior(_WIDTH_DRAWS, np.random.default_rng(1)))
 
     def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:
-        """Return densities, and the gradients of log prior and log likelihood, (n, d) each."""
+        """Return log prior and log likelihood, and the gradient of each, shape (n, d).
+
+        The gradient of the prior is a finite difference.
+        """
         (_, likelihood, _), _, of_likelihood = self.whole.gradients(self.particles(points))
 
         def score(points: Array) -> tuple[Array, Array]:

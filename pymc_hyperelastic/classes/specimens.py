@@ -1,8 +1,10 @@
-"""What the curves of one specimen say, in a form that any class distribution can be held against.
+"""Sample single specimens, and build the model of a class from the draws.
 
-The evidence of a class with variability is an integral over the parameters of every specimen. Each
-specimen is sampled once, under a wide reference distribution; under any class distribution its
-likelihood is then a weighted mean over these draws, and a class has few unknowns left.
+The evidence of a class with variability is an integral over the parameters of all its specimens.
+Each specimen is therefore sampled once, under a wide reference distribution. The likelihood of the
+specimen under any class distribution is then a weighted mean over its draws (importance sampling),
+and the model of a class has only the parameters of the class distribution as unknowns. Fits of
+classes and predictions for new specimens use this module.
 """
 
 import warnings
@@ -54,34 +56,38 @@ from pymc_hyperelastic.models.specimen_draws import (
 
 Array = NDArray[np.float64]
 
-# Particles of a specimen.
+# Number of particles of each specimen.
 PARTICLES = 2000
-# Share of the first draws of a specimen that is kept where it is sampled again.
-_KEPT = 0.25
-# Particles whose curves are compared with quadrature.
-_MATERIALS = 16
-# Spreads of the reference distribution, in medians of a class's.
-_WIDER = 2.0
-_EFFECT = 1.0
+# Fraction of the first draws that is kept when a specimen is sampled a second time.
+_KEPT_FRACTION = 0.25
+# Number of particles whose curves are compared with quadrature.
+_CHECKED_MATERIALS = 16
+# Spread of the coordinates in the reference distribution, in prior medians of a class's spread.
+_REFERENCE_WIDTH = 2.0
+# Spread of the log scale of the experiment effect in the reference distribution.
+_REFERENCE_EFFECT_SPREAD = 1.0
+# Least spread of the log size of an error in the reference distribution.
+_LEAST_NOISE_SPREAD = 0.5
+# Number of prior draws from which the mean and the spread of the log size of an error are computed.
 _NOISE_DRAWS = 2000
 
 
-# An integral, and by which target it was taken.
+# An integral over the parameters of a specimen, and its target density.
 Taken = tuple[Integral, SpecimenTarget]
 
 
 @dataclass(frozen=True)
 class _SpecimenModel:
-    """Model of a specimen with so many tests, whose data may be replaced."""
+    """PyMC model of a specimen with a given number of tests; its data can be replaced."""
 
     forward: ForwardModel
     whole: Target
     compressed: TensorVariable | None
-    """The log likelihood by sums of squares, for which few numbers stand for all points."""
+    """The log likelihood from sums of squares, which need few numbers for all points, or None."""
 
     @cached_property
     def log_likelihood(self) -> BatchedFunction:
-        """Log likelihood, for very many points."""
+        """Compiled log likelihood of many points."""
         model = self.whole.model
         total = self.compressed
         if total is None:
@@ -90,7 +96,10 @@ class _SpecimenModel:
 
     @cached_property
     def misfits(self) -> BatchedFunction:
-        """Log likelihood, and the size of every standard error, by what its density lacks."""
+        """Compiled log likelihood, and the absolute standardised residual of each measurement.
+
+        The residual follows from the difference between the log density and its maximum.
+        """
         model = self.whole.model
         terms, lacking = [], []
         for rv in model.observed_RVs:
@@ -104,9 +113,8 @@ class _SpecimenModel:
 class SpecimenSampler:
     """Sample specimens, each by itself, under one reference distribution.
 
-    Specimens with the same number of tests share one compiled model. Each brings data of its own,
-    and noise of its own if that is not known. What is said
-    of one depends on no other.
+    Specimens with the same number of tests share one compiled model. The model holds the data of
+    one specimen at a time. The result of a specimen does not depend on other specimens.
     """
 
     def __init__(
@@ -117,7 +125,7 @@ class SpecimenSampler:
         self._models: dict[int, _SpecimenModel] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
-        """Sample the specimen of these data."""
+        """Sample the specimen of these data under the reference distribution."""
 
         def take(sampler: SpecimenSampler) -> Taken:
             target = sampler.target(data)
@@ -135,18 +143,19 @@ class SpecimenSampler:
         distributions: ClassDistribution,
         rng: np.random.Generator,
     ) -> SpecimenDraws:
-        """Sample the specimen of these data again, as one of a class of these distributions.
+        """Sample a specimen again, with draws of its class distribution as the prior.
 
-        The draws that are known of it show where; they are returned where this does not succeed.
-        A share of specimens of the class is among those tried: curves may leave a coordinate open,
-        as far as the class goes. Some of the known draws stay, since a class that is a little wider
-        than these distributions has specimens where hardly one is tried. All count as if each
-        were drawn from the mixture of both posteriors. Of a specimen that was given up none stay.
+        The first proposal is fitted to the specimen's earlier `draws`, and a fraction of each
+        proposal is the prior: the curves may not constrain a coordinate, which then varies as in
+        the class. A quarter of the earlier draws is kept, because a slightly wider class
+        distribution also covers regions in which new draws are rare. The weights are those of the
+        mixture of both posteriors (balance heuristic). If the earlier draws have an infinite error,
+        none of them is kept. If the new sample is not reliable, the earlier draws are returned.
 
         References
         ----------
-        Such weights: E. Veach and L. J. Guibas, Optimally combining sampling techniques for Monte
-        Carlo rendering, SIGGRAPH 95 (1995) 419.
+        E. Veach and L. J. Guibas, Optimally combining sampling techniques for Monte Carlo
+        rendering, SIGGRAPH 95 (1995) 419.
         """
         prior = self.prior(distributions, data.sizes["test"])
         components = components_for(*draws.points.shape)
@@ -168,26 +177,29 @@ class SpecimenSampler:
             again = self._with_misfit(data, self.draws_at(points), target)
             value, error = found.log_value
             return _weighted(again, prior.of_class(points) - value, error, found)
-        old = round(_KEPT * count)
+        old = round(_KEPT_FRACTION * count)
         points = np.concatenate([draws.points[:old], found.particles[: count - old]])
         points = rng.permutation(points)
-        known = logsumexp(draws.log_weight + self.log_reference(draws.points))
+        log_evidence = logsumexp(draws.log_weight + self.log_reference(draws.points))
         log_density = np.logaddexp(
-            np.log(_KEPT) + self.log_reference(points) - known,
-            np.log1p(-_KEPT) + prior.of_class(points) - found.log_value.value,
+            np.log(_KEPT_FRACTION) + self.log_reference(points) - log_evidence,
+            np.log1p(-_KEPT_FRACTION) + prior.of_class(points) - found.log_value.value,
         )
-        errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
+        errors = (
+            _KEPT_FRACTION * draws.standard_error,
+            (1 - _KEPT_FRACTION) * found.log_value.standard_error,
+        )
         again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
     def _with_accurate_curves(
         self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Taken]
     ) -> Taken:
-        """Take an integral until the curves of its particles are accurate.
+        """Compute an integral, repeatedly until the curves of its particles are accurate.
 
-        Curves are accurate over the range of the class's default priors. If the data want other
-        materials, the integrator is refined for these, and the integral is taken again. Nothing of
-        that is kept: what is said of a specimen must not depend on what was sampled before it.
+        The curves are accurate for materials of the class's default priors. If the particles have
+        other materials, the integrator is refined for them, and the integral is computed again. The
+        refined integrator is not kept, so that results do not depend on the order of specimens.
         """
 
         def with_curves(forward: ForwardModel) -> tuple[Taken, tuple[Any, ...]]:
@@ -195,26 +207,26 @@ class SpecimenSampler:
             if forward is not self.forward:
                 sampler = SpecimenSampler(self.population, forward, self.reference)
             found, target = take(sampler)
-            return (found, target), (data, self._parameters(found.particles[:_MATERIALS]))
+            return (found, target), (data, self._parameters(found.particles[:_CHECKED_MATERIALS]))
 
         (found, target), accurate = until_accurate(self.forward, with_curves, LARGEST_CURVE_ERROR)
         if accurate:
             return found, target
         (name,) = specimens_of(data)[0]
         warnings.warn(
-            f"curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
-            "their largest value, and its evidence has no error: its material is far from what "
-            "priors expect",
+            f"the curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
+            "their largest value, because its material is far from the prior: the standard error "
+            "of its evidence is infinite",
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
     def _parameters(self, points: Array) -> dict[str, Array]:
-        """Material parameters of particles, of all their tests."""
+        """Material parameters of all tests of all particles."""
         return self.scale.numbers([np.ravel(x) for x in self._parts(points)[0]])
 
     def _parts(self, points: Array) -> tuple[Array, Array, Array]:
-        """Coordinates (coordinate, draw, test), noises and deviations of particles."""
+        """Split points into coordinates (coordinate, draw, test), log noises and deviations."""
         sizes = len(self.population.noises), len(self.population.geometry)
         ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
         of_tests, log_size, deviations = np.split(points, ends[:-1], axis=1)
@@ -222,20 +234,24 @@ class SpecimenSampler:
         return np.moveaxis(of_tests, 1, 0), log_size, deviations
 
     def target(self, data: xr.Dataset, prior: SpecimenPrior | None = None) -> SpecimenTarget:
-        """Return the specimen of these data under a prior; under the reference if it is missing."""
+        """Return the target density of a specimen; the default prior is the reference."""
         model = self._model_for(data)
         prior = prior or self.prior(one_draw(self.reference), data.sizes["test"])
         functions = model.log_likelihood, model.misfits
         return SpecimenTarget(model.whole, self._places(model.whole), prior, *functions)
 
     def prior(self, distributions: ClassDistribution, tests: int) -> "ClassPrior":
-        """Return the prior of a specimen with so many tests that belongs to a class."""
+        """Return the prior of a specimen of a class with a given number of tests."""
         return ClassPrior(self, distributions, tests)
 
     def simulator(
         self, data: xr.Dataset, seed: int
     ) -> Callable[[xr.Dataset, Mapping[str, Array]], Any]:
-        """Function of data like these, and of a specimen: what would be measured of it."""
+        """Return a function that draws measurements of a given specimen.
+
+        The function takes data of the same shape and the parameters of the specimen by name. It
+        returns the drawn values by the name of the observed variable.
+        """
         model = self._model_for(data)
         pm_model = model.whole.model
         observed = pm_model.observed_RVs
@@ -255,52 +271,52 @@ class SpecimenSampler:
         return simulate
 
     def points_of(self, specimens: Mapping[str, Array]) -> Array:
-        """Specimens by the variables of their model, as points of the target."""
+        """Convert values by variable name, (draw, entry) each, to points of the target."""
         return np.concatenate([specimens[name] for name in self._names], axis=1)
 
     def variables_of(self, points: Array) -> dict[str, Array]:
-        """The other way round, where tests of a specimen share its parameters."""
+        """Convert points to values by variable name; all tests must share their parameters."""
         return {name: points[:, [i]] for i, name in enumerate(self._names)}
 
     def log_reference(self, points: Array) -> Array:
-        """Log density of the reference at points of the target."""
+        """Log density of the reference distribution at points of the target."""
         return self.log_density(points, self.reference)
 
     def log_density(self, points: Array, distribution: ClassDistribution) -> Array:
-        """Log density of a distribution of specimens at points of the target."""
+        """Log density of one class distribution at points of the target."""
         return log_density(np, vars(self.draws_at(points)), distribution)
 
     @property
     def _names(self) -> list[str]:
-        """Variables on which curves depend: coordinates of each test, noises, and the tube."""
-        own = self.reference.experiment_spread is not None
+        """Variables in a point: coordinates (of each test), log noises, deviations of the tube."""
+        tests_differ = self.reference.experiment_spread is not None
         return [
-            *(f"{name}_of_test" if own else name for name in self.scale.names),
+            *(f"{name}_of_test" if tests_differ else name for name in self.scale.names),
             *map(log_noise_name, self.population.noises),
             *map(deviation_name, self.population.geometry),
         ]
 
     def _places(self, whole: Target) -> NDArray[np.intp]:
-        """Columns of particles on which curves depend."""
+        """Columns of the variables of a point among all unknowns of the model."""
         ends = np.cumsum([size for _, size in whole.var_info.values()])
         columns = dict(zip(whole.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
         return np.concatenate([columns[name] for name in self._names])
 
     def draws_at(self, points: Array) -> SpecimenDraws:
-        """Points of the target as draws of a specimen; they are not weighted yet."""
-        own = self.reference.experiment_spread is not None
+        """Convert points of the target to draws of a specimen, with log weights of 0."""
+        tests_differ = self.reference.experiment_spread is not None
         of_tests, log_size, deviations = self._parts(points)
         centre = of_tests.mean(axis=2)
         scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
-        tests = of_tests.shape[2] if own else 1
+        tests = of_tests.shape[2] if tests_differ else 1
         unweighted = np.zeros(len(points))
-        known = centre, scatter, log_size.T, unweighted, tests, 0.0, points, deviations.T
-        return SpecimenDraws(*known)
+        values = centre, scatter, log_size.T, unweighted, tests, 0.0, points, deviations.T
+        return SpecimenDraws(*values)
 
     def _with_misfit(
         self, data: xr.Dataset, draws: SpecimenDraws, target: SpecimenTarget
     ) -> SpecimenDraws:
-        """Draws of a target with their misfit, which is told by errors whose size is known."""
+        """Return the draws with their misfit; without it if the noise is inferred."""
         if not self.population.known_noise:
             return draws
         squares = target.squares(draws.points)
@@ -308,22 +324,22 @@ class SpecimenSampler:
         return replace(draws, misfit=misfit, freedom=freedom)
 
     def _misfit(self, data: xr.Dataset, squares: Array, unknown: int) -> tuple[float, float]:
-        """Squared misfit of the best of the posterior's curves, by that of all; its freedom.
+        """Return the sum of squares of the best curve, and its number of degrees of freedom.
 
-        The mean over draws exceeds that of the best by the number of parameters of which the curves
-        tell, which is half of the variance over the draws.
+        The mean sum of squares over draws exceeds the smallest one by the number of parameters that
+        the curves determine. This number is half of the variance over draws.
         """
         count = data.sizes["obs"]
         if self.population.likelihood.with_force:
             count += int(data["axial_force"].notnull().sum())
         with np.errstate(over="ignore", invalid="ignore"):
-            told = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
-            # Where prior and curves contradict each other squares vary by more than that.
-            told = min(told, unknown, count - 1)
-            return float(squares.mean() - told), float(count - told)
+            determined = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
+            # The variance is larger if the prior and the curves contradict each other.
+            determined = min(determined, unknown, count - 1)
+            return float(squares.mean() - determined), float(count - determined)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
-        """Model of a specimen with as many tests, with these data."""
+        """Return the model for this number of tests, and set its data."""
         tests = data.sizes["test"]
         if tests not in self._models:
             self._models[tests] = self._model(data, tests)
@@ -334,7 +350,7 @@ class SpecimenSampler:
     def _model(self, data: xr.Dataset, tests: int) -> _SpecimenModel:
         forward = self.forward.with_data(data)
         with pm.Model(model=None) as model:
-            # Lengths that are known take less time to compile for.
+            # Constant lengths compile faster.
             for name, length in (("specimen", 1), ("test", tests)):
                 model.add_coord(name, np.arange(length), length=pt.constant(length))
             of_test = np.zeros(tests, int)
@@ -344,25 +360,26 @@ class SpecimenSampler:
         return _SpecimenModel(forward, Target(model), compressed)
 
     def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
-        """The log likelihood by sums of squares; None with slopes or errors of diameters."""
+        """Log likelihood from sums of squares; None if the likelihood needs slopes."""
         likelihood = self.population.likelihood
         if likelihood.needs_slopes:
             return None
-        own = {name: size[0] for name, size in specimens.noises.items()}
+        sizes = {name: size[0] for name, size in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)
-        total = likelihood.log_likelihood(tube, own)
-        # What overflows is no number, and counts as one that is none.
+        total = likelihood.log_likelihood(tube, sizes)
+        # An infinite sum has overflowed: it must count as an impossible point, as NaN does.
         return pt.where(pt.isinf(total), np.nan, total)
 
 
 class ClassPrior:
-    """A specimen of a class whose distribution is one of several draws, and its tube.
+    """Prior of a specimen and its tube: the mean density over draws of a class distribution.
 
     Parameters
     ----------
     sampler : SpecimenSampler
+        Sampler of the specimen, which has its settings and its model.
     distributions : ClassDistribution
-        Draws of the class's distribution.
+        Posterior draws of the class distribution.
     tests : int
         Number of tests of the specimen.
     """
@@ -385,12 +402,12 @@ class ClassPrior:
         return self.of_class(points) + stats.norm.logpdf(deviations).sum(axis=1)
 
     def of_class(self, points: Array) -> Array:
-        """Return the log density without that of the tube, which is the same for all classes."""
+        """Return the log density without the prior of the tube, which all classes share."""
         return mean_density(self._sampler.draws_at(points), self._distributions)
 
 
 def one_draw(distribution: ClassDistribution) -> ClassDistribution:
-    """Return a single distribution as draws of a class's distribution, of which there is one."""
+    """Add an axis of length one for draws to the values of a class distribution."""
     d = distribution
     vectors = "location", "spread", "experiment_spread", "log_size", "noise_spread"
     changes: dict[str, Any] = {
@@ -406,7 +423,10 @@ def one_draw(distribution: ClassDistribution) -> ClassDistribution:
 def _weighted(
     draws: SpecimenDraws, log_density: Array, standard_error: float, found: Integral
 ) -> SpecimenDraws:
-    """Draws with the weights of draws from this density, by which the likelihood is divided."""
+    """Return the draws with their importance weights.
+
+    `log_density` is the log density from which they were drawn, divided by their likelihood.
+    """
     return replace(
         draws,
         log_weight=-np.log(len(log_density)) - log_density,
@@ -417,17 +437,17 @@ def _weighted(
 
 
 def reference_of(population: Population) -> ClassDistribution:
-    """Distribution of a specimen of which not even the class is known."""
+    """Return the reference: the prior of a specimen of an unknown class, made wider."""
     mean, sd = population.scale.location_prior
-    spread = _WIDER * np.exp(population.scale.spread_prior[0])
+    spread = _REFERENCE_WIDTH * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
     if population.experiment_effect:
-        optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
+        optional |= {"experiment_spread": spread / 2, "effect_spread": _REFERENCE_EFFECT_SPREAD}
     inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
         drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
         logs = np.log(drawn)
-        spreads = np.hypot(logs.std(axis=1), 0.5)
+        spreads = np.hypot(logs.std(axis=1), _LEAST_NOISE_SPREAD)
         optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
 
@@ -438,7 +458,7 @@ def fresh_specimens(
     tests: int,
     rng: np.random.Generator,
 ) -> dict[str, Array]:
-    """One new specimen of each distribution, by the variables of its model: (draw, entry)."""
+    """Draw one new specimen of each distribution; return (draw, entry) by variable name."""
     count, names = len(distributions.location[0]), population.scale.names
 
     def noise(entries: int = 1) -> Array:
@@ -458,7 +478,10 @@ def fresh_specimens(
 
 
 def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable]:
-    """Draws of the specimens of a class, as many of each, that others may replace."""
+    """Return the draws of all specimens of a class as shared variables, whose values may change.
+
+    All specimens must have the same number of draws.
+    """
     return {
         name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
         for name, value in stacked([*specimens]).items()
@@ -467,7 +490,10 @@ def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable
 
 @without_traces
 def class_model(population: Population, shared: Mapping[str, SharedVariable]) -> pm.Model:
-    """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
+    """Return the PyMC model of a class distribution, with its specimens integrated out.
+
+    The likelihood of each specimen is a weighted sum over its draws, which may be replaced.
+    """
     names = population.scale.names
     with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
         distribution = population.register_class()

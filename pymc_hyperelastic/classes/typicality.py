@@ -1,4 +1,8 @@
-"""Whether a specimen could be one of a class at all: how typical it is, and how well curves fit."""
+"""P-values of the hypothesis that a specimen belongs to a class.
+
+One compares the wall of the specimen with those of the class; the others compare how well its
+curves are fitted. Predictions of classes with variability use them.
+"""
 
 from collections.abc import Mapping
 
@@ -13,10 +17,12 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
 Array = NDArray[np.float64]
 
-# Specimens by which it is known what the reference leaves open.
-_REFERENCE = 4000
-# A direction is told of by the curves if they leave less than this of the reference's variance.
-_TOLD = 0.5
+# Number of specimens from which the covariance of the reference distribution is estimated.
+_REFERENCE_SPECIMENS = 4000
+# The curves determine a direction if its posterior variance is below this fraction of the variance
+# of the reference.
+_DETERMINED = 0.5
+# Added to sums of squares so that their logarithm is finite.
 _SMALLEST = 1e-12
 
 
@@ -27,48 +33,54 @@ def typical_p_value(
     distributions: ClassDistribution,
     rng: np.random.Generator,
 ) -> float:
-    r"""Share of the specimens of a class that are as far from its middle as this one, or further.
+    r"""P-value of the specimen's distance from the centre of a class.
 
-    Specimens are compared by the natural coordinates of their walls, in which half as stiff is as
-    far as twice as stiff, and, where experiments differ, by how much theirs do. Under the reference
-    `r`, of which the `draws` are, this specimen has the posterior mean ``μ`` and covariance ``S``;
-    one of the class with the coordinates ``x`` would have had, from curves that tell as much,
+    It is the fraction of new specimens of the class whose distance is at least as large. Walls are
+    compared by their natural coordinates, which are logarithms: half and twice the stiffness are
+    equally far away. If experiments differ, the scatter of the specimen's tests is compared too,
+    and the two p-values are combined by :func:`either`.
+
+    The `draws` have the mean ``μ`` and the covariance ``S``, and their prior is the reference
+    distribution with the mean ``m_r`` and the covariance ``Σ_r``. If a specimen of the class with
+    the coordinates ``x`` had curves as informative as these, its posterior mean would be
 
     .. math:: μ' = m_r + A (x - m_r) + e, \qquad A = 1 - S Σ_r^{-1}, \quad e \sim N(0, S A^T)
 
-    and the p-value is the share of Mahalanobis distances of such ``μ'`` that are not below that of
-    ``μ``. Directions of which the curves tell next to nothing do not count; NaN if that is all of
-    the wall's.
+    The p-value is the fraction of draws of ``μ'`` with a Mahalanobis distance, from their mean, not
+    below that of ``μ``. Directions that the curves hardly determine are omitted. The p-value is NaN
+    if the curves determine no direction of the wall.
     """
     tests = max(draws.tests, 1)
-    references = _fresh(population, reference, tests, rng)
-    others = _fresh(population, distributions, tests, rng)
+    references = _new_specimens(population, reference, tests, rng)
+    others = _new_specimens(population, distributions, tests, rng)
     wall = _share_as_far(draws.centre, references[0], others[0], rng)
     if draws.tests < 2 or np.isnan(wall):
         return wall
     scatters = draws.scatter, references[1], others[1]
-    here, usual, apart = (np.log(scatter + _SMALLEST) for scatter in scatters)
-    between = _share_as_far(here, usual, apart, rng)
-    # What is not told of is no second question.
+    own, of_reference, of_class = (np.log(scatter + _SMALLEST) for scatter in scatters)
+    between = _share_as_far(own, of_reference, of_class, rng)
+    # If the curves do not determine the scatter, there is only one p-value to combine.
     return wall if np.isnan(between) else either(wall, between)
 
 
-def _share_as_far(here: Array, reference: Array, others: Array, rng: np.random.Generator) -> float:
-    """Share of others whose mean would be as far from theirs; NaN if draws tell next to nothing.
+def _share_as_far(own: Array, reference: Array, others: Array, rng: np.random.Generator) -> float:
+    """Return the fraction of other specimens that are as far from their mean as this one.
 
-    All have the shape (coordinate, draw): draws of the specimen, of the reference, and others.
+    All arrays have the shape (coordinate, draw): draws of the specimen, of the reference, and of
+    other specimens of the class. See :func:`typical_p_value`; NaN if no direction is determined.
     """
     middle, whiten = _whitening(reference.T)
-    here, others = (here.T - middle) @ whiten, (others.T - middle) @ whiten
-    left, directions = np.linalg.eigh(np.atleast_2d(np.cov(here.T)))
-    told = left < _TOLD
-    if not told.any():
+    own, others = (own.T - middle) @ whiten, (others.T - middle) @ whiten
+    variance, directions = np.linalg.eigh(np.atleast_2d(np.cov(own.T)))
+    determined = variance < _DETERMINED
+    if not determined.any():
         return np.nan
-    left, directions = left[told], directions[:, told]
-    mean, others = here.mean(axis=0) @ directions, others @ directions * (1 - left)
-    # Drawn in all coordinates: the sign of an eigenvector then does not change the p-value.
+    variance, directions = variance[determined], directions[:, determined]
+    mean, others = own.mean(axis=0) @ directions, others @ directions * (1 - variance)
+    # The noise is drawn in all coordinates, so that the p-value does not depend on the sign of an
+    # eigenvector.
     noise = rng.standard_normal((len(others), len(directions))) @ directions
-    others = others + np.sqrt(left * (1 - left)) * noise
+    others = others + np.sqrt(variance * (1 - variance)) * noise
     origin, whiten = _whitening(others)
     distance = np.sum(((mean - origin) @ whiten) ** 2)
     return _rank(np.sum(((others - origin) @ whiten) ** 2, axis=1), distance)
@@ -80,49 +92,52 @@ def noise_p_value(
     distributions: ClassDistribution,
     rng: np.random.Generator,
 ) -> float:
-    """Share of the specimens of a class whose curves are fitted as badly as this one's, or worse.
+    """P-value of the specimen's inferred noise: fraction of the class with noise at least as large.
 
-    That is, whose noise is as large: what no curve of the law follows is noise. Of several noises,
-    each is held against its own.
+    Deviations from the law increase the inferred noise, so this p-value measures how well the
+    curves are fitted. If several sizes of errors are inferred, their p-values are combined by
+    :func:`either`.
     """
     count = len(distributions.location[0])
     p_values = []
     for i, (prior, spread) in enumerate(
         zip(reference.log_size, reference.noise_spread, strict=True)
     ):
-        here = (draws.log_size[i] - prior) / spread
-        left = min(float(here.var()), 1.0)
-        members = distributions.log_size[i][:, 0]
-        members = members + distributions.noise_spread[i][:, 0] * rng.standard_normal(count)
-        members = (1 - left) * (members - prior) / spread
-        members += np.sqrt(left * (1 - left)) * rng.standard_normal(count)
-        p_values.append(_rank(members, float(here.mean())))
+        # The posterior means of the class's specimens, as in typical_p_value.
+        own = (draws.log_size[i] - prior) / spread
+        variance = min(float(own.var()), 1.0)
+        others = distributions.log_size[i][:, 0]
+        others = others + distributions.noise_spread[i][:, 0] * rng.standard_normal(count)
+        others = (1 - variance) * (others - prior) / spread
+        others += np.sqrt(variance * (1 - variance)) * rng.standard_normal(count)
+        p_values.append(_rank(others, float(own.mean())))
     return either(*p_values)
 
 
 def misfit_p_value(draws: SpecimenDraws, misfit: Array, freedom: Array) -> float:
-    r"""Chance that a specimen of a class is fitted as badly as this one, or worse.
+    r"""P-value of the specimen's misfit if the size of the noise is known.
 
-    The squared misfits per degree of freedom of this specimen and of those of the class, `misfit`
-    and `freedom`, have the ratio of a Fisher distribution. A misfit that is the law's, and no
-    stranger to the class, says nothing against a specimen. NaN if the misfit is no number.
+    The misfit per degree of freedom of this specimen is divided by that of the specimens of the
+    class, given by `misfit` and `freedom`; the ratio has an F distribution. A deviation from the
+    law that all specimens of the class have is therefore no evidence against a specimen. The
+    p-value is NaN if the misfit is NaN.
     """
-    # Specimens that were measured better than the noise says do not make others strange.
-    usual = max(misfit.sum() / freedom.sum(), 1.0)
-    return float(f.sf(draws.misfit / draws.freedom / usual, draws.freedom, freedom.sum()))
+    # The class may have smaller residuals than the known noise: new specimens need not.
+    of_class = max(misfit.sum() / freedom.sum(), 1.0)
+    return float(f.sf(draws.misfit / draws.freedom / of_class, draws.freedom, freedom.sum()))
 
 
 def either(*p_values: float) -> float:
-    """P-value of the smallest of independent ones."""
+    """Combine independent p-values: the p-value of their minimum (Šidák)."""
     return float(1 - (1 - np.min(p_values)) ** len(p_values))
 
 
-def _fresh(
+def _new_specimens(
     population: Population, distributions: ClassDistribution, tests: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Mean of the tests' coordinates, and the sum of their squared deviations, of new specimens."""
+    """Draw new specimens; return mean and scatter of the coordinates of each one's tests."""
     if np.ndim(distributions.location[0]) == 0:
-        distributions = repeated(distributions, _REFERENCE)
+        distributions = repeated(distributions, _REFERENCE_SPECIMENS)
     draws: Mapping[str, Array] = fresh_specimens(population, distributions, tests, rng)
     names = population.scale.names
     of_tests = np.stack([draws.get(f"{name}_of_test", draws[name]) for name in names])
@@ -131,7 +146,7 @@ def _fresh(
 
 
 def repeated(d: ClassDistribution, count: int) -> ClassDistribution:
-    """The same distribution so many times, along the first of two axes."""
+    """Return one class distribution as `count` equal draws, along the first of two axes."""
 
     def vector(values: Array | None) -> Array | None:
         return None if values is None else np.multiply.outer(values, np.ones((count, 1)))
@@ -148,11 +163,11 @@ def repeated(d: ClassDistribution, count: int) -> ClassDistribution:
 
 
 def _whitening(points: Array) -> tuple[Array, Array]:
-    """Mean of points, and the matrix that makes their covariance one."""
+    """Return the mean of points, and the matrix that transforms their covariance to unity."""
     covariance = np.atleast_2d(np.cov(points.T))
     return points.mean(axis=0), np.linalg.inv(np.linalg.cholesky(covariance)).T
 
 
 def _rank(others: Array, value: float) -> float:
-    """Share of the values that are as large, or larger, this one counted among them."""
+    """Return the fraction of values that are at least `value`, which is counted as one of them."""
     return float((1 + np.sum(others >= value)) / (1 + len(others)))

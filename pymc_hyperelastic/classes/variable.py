@@ -1,4 +1,8 @@
-"""Classes whose specimens differ: each has parameters of its own, drawn from a distribution."""
+"""Classes with variability: the parameters of each specimen are drawn from a class distribution.
+
+:class:`Variability` fits such classes and predicts new specimens. Fitting, classification,
+cross-validation and comparison of classes call it through the interface ``ClassKind``.
+"""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -74,20 +78,22 @@ from pymc_hyperelastic.models.study import Study
 
 Array = NDArray[np.float64]
 
-# Fraction of the materials of the prior whose curves may be inaccurate, as those of fibres that
-# slacken within a wall: the curves of each specimen are refined for its own material.
+# Fraction of the prior's materials whose curves may be inaccurate, such as materials with fibres
+# that slacken within the wall. It may be large, because the integrator is refined for each specimen
+# whose curves are inaccurate.
 _INACCURATE = 0.25
-# Materials of each class whose curves are compared with quadrature.
-_MATERIALS = 64
-# Tests in which they are compared.
-_TESTS = 12
-# A misfit whose size is known exactly.
-_AS_NOISE = xr.DataArray([1e9])
+# Number of materials of each class whose curves are compared with quadrature.
+_CHECKED_MATERIALS = 64
+# Number of tests for which the curves are compared.
+_CHECKED_TESTS = 12
+# Misfit, and degrees of freedom, of a class whose file stores neither: their ratio is 1, without
+# an error, as if the residuals were exactly as large as the noise.
+_DEFAULT_MISFIT = xr.DataArray([1e9])
 
 
 @dataclass(frozen=True)
 class Variability(Population, ClassKind):
-    """Settings of classes whose specimens differ."""
+    """Settings of classes with variability."""
 
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
@@ -104,39 +110,45 @@ class Variability(Population, ClassKind):
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
     ) -> "Variability":
-        """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
+        """Return the kind from arguments of :func:`~pymc_hyperelastic.population_model`."""
         observed = as_likelihood(likelihood).as_observed()
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
         return cls(energy, observed, *settings)
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Parts of a class's distribution that are there."""
-        there = {"experiments": bool(self.experiment_effect), "noise": bool(self.noises)}
-        return tuple(part for part in PARTS if there.get(part, True))
+        """Parts of the class distribution that these settings have, see ``PARTS``."""
+        optional = {"experiments": bool(self.experiment_effect), "noise": bool(self.noises)}
+        return tuple(part for part in PARTS if optional.get(part, True))
 
     @property
     def in_words(self) -> str:
-        """Whether experiments on a specimen differ."""
+        """``"with experiment effect"`` if the experiments on a specimen differ, else ``""``."""
         return "with experiment effect" if self.experiment_effect else ""
 
     @cached_property
     def reference(self) -> ClassDistribution:
-        """Distribution under which each specimen is sampled."""
+        """Reference distribution under which each specimen is sampled."""
         return reference_of(self)
 
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
-        """Sampler of the specimens of these data, each by itself."""
+        """Return the sampler of single specimens of these data."""
         return SpecimenSampler(self, self._curves_of_specimens(data), self.reference)
 
     def _curves_of_specimens(self, data: xr.Dataset) -> ForwardModel:
-        """Forward model of specimens, each by itself."""
-        # Without an effect all tests of a specimen share its parameters, and matrices.
-        own, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
-        return self.forward_model(data, by_test=own, **accuracy, inaccurate=_INACCURATE)
+        """Return the forward model of single specimens."""
+        # Without an experiment effect all tests of a specimen share its parameters.
+        by_test, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
+        return self.forward_model(data, by_test=by_test, **accuracy, inaccurate=_INACCURATE)
 
     def settings(self) -> ModelSettings:
-        """The settings as a result holds them; ValueError if a prior cannot be stored."""
+        """Return the settings as they are stored in a result.
+
+        Raises
+        ------
+        ValueError
+            If a prior cannot be stored.
+        """
         return ModelSettings.of(
             self.energy,
             self.priors or {},
@@ -149,7 +161,7 @@ class Variability(Population, ClassKind):
 
     @classmethod
     def from_settings(cls, settings: ModelSettings) -> "Variability":
-        """Settings of a fitted class."""
+        """Return the kind of a fitted class from its stored settings."""
         likelihood = settings.make_likelihood()
         if likelihood is None:
             raise ValueError("its likelihood is missing")
@@ -163,7 +175,7 @@ class Variability(Population, ClassKind):
         )
 
     def check_stored(self, fitted: xr.DataTree) -> None:
-        """Raise unless a class has draws of its distribution, and sound data if it has any."""
+        """Raise unless a class has an evidence, draws of its distribution, and no invalid data."""
         with reading(fitted):
             if holds_inflation_data(fitted):
                 self.check(inflation_data_of(fitted))
@@ -183,7 +195,11 @@ class Variability(Population, ClassKind):
         progressbar: bool = False,
         remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
-        """Fit the distribution of class after class, of specimens that are sampled once."""
+        """Sample the specimens and fit the distribution of one class after the other.
+
+        Yields the name of each class with its result, or with the error that prevented it. See
+        ``ClassKind.fit``.
+        """
         check_count("draws", draws, 100)
         check_count("chains", chains, 1)
         self.check_classes(classes)
@@ -200,20 +216,24 @@ class Variability(Population, ClassKind):
         remember: Remember,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         progress, model = create_simple_progress(progressbar), ClassModel(self)
-        # Of each class its specimens, a first fit, and the chains.
+        # One step for each specimen, for the first fit, and for each chain.
         steps = sum(len(specimens_of(data)[0]) + 1 + chains for data in classes.values())
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=steps)
             advance = partial(progress.advance, bar)
             seeds = seed.spawn(len(classes))
-            for i, ((name, data), own) in enumerate(zip(classes.items(), seeds, strict=True)):
-                rng, sampler = np.random.default_rng(own), self.sampler(data)
-                of_class = named(f"class-{i}", remember)
+            for i, ((name, data), class_seed) in enumerate(
+                zip(classes.items(), seeds, strict=True)
+            ):
+                rng, sampler = np.random.default_rng(class_seed), self.sampler(data)
+                remember_part = named(f"class-{i}", remember)
                 try:
-                    specimens = sample_specimens(sampler, data, own, advance, of_class)
-                    close = draws_of_class(model, sampler, data, specimens, rng)
+                    specimens = sample_specimens(sampler, data, class_seed, advance, remember_part)
+                    class_draws = draws_of_class(model, sampler, data, specimens, rng)
                     advance()
-                    fitted = fit_distribution(model, close, draws, chains, own, advance)
+                    fitted = fit_distribution(
+                        model, class_draws, draws, chains, class_seed, advance
+                    )
                 except (ValueError, ArithmeticError) as error:
                     yield name, error
                     continue
@@ -223,7 +243,7 @@ class Variability(Population, ClassKind):
                 yield name, fitted
 
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
-        """What classes say of new specimens, each of which is sampled by itself."""
+        """Return a function that samples a new specimen and predicts it under each class."""
         self.check(like)
         forward = self._accurate_for_classes(classes, like, seed)
         sampler = SpecimenSampler(self, forward, self.reference)
@@ -231,22 +251,26 @@ class Variability(Population, ClassKind):
         return lambda data, seed: predictive(data, np.random.default_rng(seed))
 
     def _accurate_for_classes(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> ForwardModel:
-        """Curves that are accurate for new specimens of the classes, too."""
+        """Return a forward model that is also accurate for new specimens of the classes."""
         rng, forward = np.random.default_rng(seed), self._curves_of_specimens(like)
         specimens = [self.new_specimens(fitted, rng) for fitted in classes.values()]
         materials = {
-            name: np.concatenate([of_class[name][:_MATERIALS] for of_class in specimens])
+            name: np.concatenate([values[name][:_CHECKED_MATERIALS] for values in specimens])
             for name in specimens[0]
         }
-        some = tests_at(like, evenly(like.sizes["test"], _TESTS))
-        if forward.errors(some, materials).max() <= LARGEST_CURVE_ERROR:
+        tests = tests_at(like, evenly(like.sizes["test"], _CHECKED_TESTS))
+        if forward.errors(tests, materials).max() <= LARGEST_CURVE_ERROR:
             return forward
-        return forward.refined(some, materials)
+        return forward.refined(tests, materials)
 
     def leave_out(
         self, classes: Data, seed: Seed, remember: Remember = compute_now
     ) -> Callable[[Collection[str], int, int], Fold]:
-        """Sample all specimens once; without some of them only the distributions are fitted."""
+        """Return a function that fits the classes without some specimens, and predicts these.
+
+        All specimens are sampled once, here. A fold only fits the distributions of the classes. See
+        ``ClassKind.leave_out``.
+        """
         rng, model = np.random.default_rng(seed), ClassModel(self)
         samplers = {name: self.sampler(data) for name, data in classes.items()}
         specimens = {
@@ -255,19 +279,20 @@ class Variability(Population, ClassKind):
             )
             for i, (name, data) in enumerate(classes.items())
         }
-        close = {
+        all_draws = {
             name: draws_of_class(model, samplers[name], data, specimens[name], rng)
             for name, data in classes.items()
         }
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
-            fitted, of_fold = {}, seed_of(seed, ", ".join(left_out))
-            for name, of_class in close.items():
-                stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
-                some = of_class._replace(specimens=stay)
-                (own,) = of_fold.spawn(1)
-                fitted[name] = fit_distribution(model, some, draws, chains, own)
-            rng = np.random.default_rng(*of_fold.spawn(1))
+            fitted, fold_seed = {}, seed_of(seed, ", ".join(left_out))
+            for name, class_draws in all_draws.items():
+                kept = {s: d for s, d in class_draws.specimens.items() if s not in left_out}
+                (class_seed,) = fold_seed.spawn(1)
+                fitted[name] = fit_distribution(
+                    model, class_draws._replace(specimens=kept), draws, chains, class_seed
+                )
+            rng = np.random.default_rng(*fold_seed.spawn(1))
             predictions = {}
             for name, data in classes.items():
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
@@ -278,13 +303,16 @@ class Variability(Population, ClassKind):
         return fold
 
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
-        """Parameters of fresh draws from the class's distribution."""
+        """Draw one new specimen from each posterior draw of the class distribution.
+
+        Returns the material parameters by name, with the draws along the first axis.
+        """
         return self._materials(distributions_of(fitted), rng)
 
     def _materials(
         self, distributions: ClassDistribution, rng: np.random.Generator
     ) -> dict[str, Array]:
-        """Parameters of one new specimen of each distribution."""
+        """Return the material parameters of one new specimen of each distribution."""
         draws = fresh_specimens(self, distributions, 1, rng)
         return self.scale.numbers([draws[name][:, 0] for name in self.scale.names])
 
@@ -296,14 +324,15 @@ def sample_specimens(
     advance: Callable[[], None] = no_progress,
     remember: Remember = compute_now,
 ) -> dict[str, SpecimenDraws]:
-    """Draws of each specimen of the data; `advance` is called after each.
+    """Sample each specimen of the data, and call `advance` after each.
 
-    They depend on nothing but its own curves, and are kept by `remember`.
+    The draws of a specimen depend only on its own data and the seed. `remember` computes them, or
+    reads them from a store.
 
     Raises
     ------
     ValueError
-        If one cannot be sampled; it is named.
+        If a specimen cannot be sampled. The message names it.
     """
     draws = {}
     for i, (name, part) in enumerate(specimens_apart(data).items()):
@@ -320,26 +349,26 @@ def sample_specimens(
 
 
 def _misfits_of(fitted: xr.DataTree) -> tuple[Array, Array]:
-    """Squared misfit of the specimens of a class, and its freedom."""
+    """Return the sum of squares of each specimen of a class, and its degrees of freedom."""
     stored = fitted.children.get("specimens", {})
     misfit, freedom = (
         read_numbers(fitted, "specimens", name, ("specimen",), finite=False)
         if name in stored
-        else _AS_NOISE
+        else _DEFAULT_MISFIT
         for name in ("misfit", "freedom")
     )
     return misfit.values, freedom.values
 
 
 class SpecimenPredictive:
-    """What fitted classes say of new specimens.
+    """Evidence and p-values of new specimens under fitted classes.
 
     Parameters
     ----------
     settings : Variability
         Settings of all classes.
     classes : dict of str to xarray.DataTree
-        The classes by name.
+        The fitted classes by name.
     sampler : SpecimenSampler
         Sampler of the new specimens.
     """
@@ -349,25 +378,29 @@ class SpecimenPredictive:
     ) -> None:
         self._settings, self._sampler = settings, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
-        # Older files do not tell how well the class's own specimens are fitted: as noise has it.
+        # Older files do not store the misfit of the class's specimens.
         self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
-        self._closer: dict[str, SpecimenSampler] = {}
+        self._class_samplers: dict[str, SpecimenSampler] = {}
 
     def __call__(
         self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None
     ) -> list[Prediction]:
-        """Evidence and predictive p-value of the specimen of these data under each class."""
+        """Return the evidence and the p-values of a specimen under each class.
+
+        `draws` are those of the specimen under the reference distribution, if it was sampled
+        before.
+        """
         draws = draws or self._sampler(data, rng)
         predictions: list[Prediction] = []
         samples = [draws]
         for number, (name, distributions) in enumerate(self._distributions.items()):
             evidence = specimen_evidence(draws, distributions)
             if evidence.pareto_k >= LARGEST_PARETO_K:
-                # Sampled closer to the class.
-                samples.append(self._near(name)(data, rng))
+                # Sample again, under a reference distribution near this class.
+                samples.append(self._class_sampler(name)(data, rng))
                 again = specimen_evidence(samples[-1], distributions)
                 if again.pareto_k < evidence.pareto_k:
-                    # From draws of its own, which no other class shares.
+                    # No other class shares these draws, and so none shares their error.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
             predictions.append(
                 Prediction(
@@ -382,25 +415,26 @@ class SpecimenPredictive:
         return predictions
 
     def _hybrids(
-        self, samples: list[SpecimenDraws], known: list[Prediction], number: int, other: int
+        self, samples: list[SpecimenDraws], predictions: list[Prediction], number: int, other: int
     ) -> Array:
-        """Log evidences under one class with parts of another, see :class:`Prediction`."""
+        """Return the log evidences of hybrids of two classes, see ``Prediction.hybrids``."""
         distributions, parts = [*self._distributions.values()], self._settings.parts
-        own, others = distributions[number], distributions[other]
-        ends = known[number].log_evidence.value, known[other].log_evidence.value
-        return hybrid_evidences(samples, own, others, parts, ends)
+        evidences = predictions[number].log_evidence, predictions[other].log_evidence
+        ends = evidences[0].value, evidences[1].value
+        return hybrid_evidences(samples, distributions[number], distributions[other], parts, ends)
 
-    def _near(self, name: str) -> SpecimenSampler:
-        """Sampler under a distribution like that of a class."""
-        if name not in self._closer:
-            near = near_class(self._distributions[name])
-            self._closer[name] = SpecimenSampler(self._settings, self._sampler.forward, near)
-        return self._closer[name]
+    def _class_sampler(self, name: str) -> SpecimenSampler:
+        """Return the sampler whose reference distribution is near a class."""
+        if name not in self._class_samplers:
+            reference = near_class(self._distributions[name])
+            sampler = SpecimenSampler(self._settings, self._sampler.forward, reference)
+            self._class_samplers[name] = sampler
+        return self._class_samplers[name]
 
     def _p_values(
         self, draws: SpecimenDraws, name: str, rng: np.random.Generator
     ) -> tuple[float, float, float]:
-        """Whether the specimen could be of a class: by its wall or its noise, and by each."""
+        """Return three p-values of a specimen under a class: combined, of the wall, of the fit."""
         reference, distributions = self._sampler.reference, self._distributions[name]
         typical = typical_p_value(draws, self._settings, reference, distributions, rng)
         fits = []

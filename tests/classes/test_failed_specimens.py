@@ -87,7 +87,7 @@ def test_a_class_with_a_specimen_given_up_has_no_evidence(classes, monkeypatch):
     classes = classes.copy()
     change(monkeypatch, "__call__", GIVEN_UP, give_up)
     change(monkeypatch, "near", GIVEN_UP, give_up)
-    with pytest.warns(UserWarning, match=f"'{GIVEN_UP}' was given up after long"):
+    with pytest.warns(UserWarning, match=f"'{GIVEN_UP}' was given up, because"):
         classes["stiff"] = stiff = fit(training={"stiff": TRAINING["stiff"]}, chains=1)["stiff"]
     error = stiff["specimens"]["standard_error"]
     assert error["specimen"].values[np.isinf(error.values)].tolist() == [GIVEN_UP]
