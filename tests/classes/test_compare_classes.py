@@ -306,8 +306,8 @@ def test_wrong_input_is_named(classes):
     for quantity, settings, message in (
         ("stiffnes", {}, "no quantity is called 'stiffnes'; NeoHookean has the .*'stiffness'"),
         ([], {}, "one or several different names"),
-        ("compliance", {}, "compliance is that of a tube at a pressure: say pressure="),
-        ("in_vivo_axial_stretch", {"pressure": 2}, "follows from two pressures: say pressure_ran"),
+        ("compliance", {}, "compliance depends on the pressure: give pressure="),
+        ("in_vivo_axial_stretch", {"pressure": 2}, "depends on two pressures: give pressure_ran"),
         (X, {"draws": 10}, "draws is 10"),
     ):
         with pytest.raises(ValueError, match=message):
