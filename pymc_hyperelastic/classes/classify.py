@@ -69,10 +69,10 @@ def classify(
         probabilities given the training data of one class alone as
         ``strain_energy_class_probability`` (strain_energy, class_label), each with a standard error
         (``_se``); see :func:`~pymc_hyperelastic.plot_law_probability`. All standard errors of the
-        result include those of the evidences: if one is infinite, no decision is made. p-values are
-        averaged with the same probabilities. Evidences are comparable only between classes with the
-        same noise, or between classes that all have variability; such classes may be given both
-        with and without an experiment effect for the same strain energy.
+        result include those of the evidences: if one is infinite, every decision is "cannot be
+        judged". p-values are averaged with the same probabilities. Evidences are comparable only
+        between classes with the same noise, or between classes that all have variability; such
+        classes may be given both with and without an experiment effect for the same strain energy.
     undecided_below : float, default 0
         If the probability of the most probable class is below this value, the decision is
         "undecided".
@@ -92,7 +92,7 @@ def classify(
     Returns
     -------
     xarray.Dataset
-        Rows are tests, in the order of the data, or specimens.
+        The first dimension, ``row`` below, is ``test`` or ``specimen``, in the order of the data.
 
         ``decision`` : the most probable class, "undecided", "none of these", or "cannot be judged"
         if an evidence that could change the decision is unreliable, or if `none_below` is used and
@@ -105,10 +105,9 @@ def classify(
         draws", the mean likelihood of the class's draws; "adapted draws", importance sampling from
         a normal mixture fitted to the posterior with the new data; or, if the Pareto shape of the
         weights is at least 0.5 or the effective sample size is too small for both of these,
-        "tempering", SMC from the class's draws. With
-        variability, the parameters of a specimen are a new draw from the class's distribution; the
-        integral uses importance-sampling draws of the specimen ("specimen draws") or SMC draws
-        ("specimen draws by tempering").
+        "tempering", SMC from the class's draws. With variability, the parameters of a specimen are
+        a new draw from the class's distribution; the integral uses importance-sampling draws of the
+        specimen ("specimen draws") or SMC draws ("specimen draws by tempering").
 
         ``pareto_k`` : Pareto shape of the importance weights, (row, class_label). With variability
         it is the larger shape of two sets of weights: those of the specimen's draws, and those of
