@@ -40,8 +40,8 @@ CLASSES = "classes"
 # Difference of log posteriors, in nats, below the most probable class, at which an unreliable
 # evidence is ignored: the probability of that class is below exp(−10) = 5e-5.
 _IGNORED_BELOW = 10.0
-# Digits to which probabilities and p-values are rounded before they are compared, so that rounding
-# errors do not decide.
+# Number of decimals to which probabilities and p-values are rounded before comparison, so that
+# rounding errors do not decide between equal ones.
 _DIGITS = 9
 
 
@@ -141,8 +141,8 @@ class Classification:
                 except (ValueError, ArithmeticError) as error:
                     # One specimen must not end a batch.
                     predictions[i], errors[i] = [_FAILED] * classes, str(error)
-                    said = f"{describe_test(part, 0)} cannot be judged: {error}"
-                    warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+                    message = f"{describe_test(part, 0)} cannot be judged: {error}"
+                    warnings.warn(message, skip_file_prefixes=(PACKAGE,))
                 advance()
         except KeyboardInterrupt:
             if not interruptible:
@@ -185,8 +185,8 @@ class Classification:
                     values[i, own] = log_ratio_parts(self._laws, of_laws, own, rival)
             except (ValueError, ArithmeticError) as error:
                 # One specimen must not end a batch.
-                said = f"{describe_test(part, 0)} cannot be judged: {error}"
-                warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+                message = f"{describe_test(part, 0)} cannot be judged: {error}"
+                warnings.warn(message, skip_file_prefixes=(PACKAGE,))
             advance()
         variables = {
             "rival": ((self.by, "class_label"), rivals.astype(str)),

@@ -73,11 +73,11 @@ def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
     if len(fits) == 1:
         return
     for fit in fits:
-        known = {
+        recorded = {
             "from which inflation data": all(_data_of(t) is not None for t in fit.fitted.values()),
             "with which likelihood": fit.likelihood is not None,
         }
-        unknown = " and ".join(what for what, is_known in known.items() if not is_known)
+        unknown = " and ".join(what for what, is_recorded in recorded.items() if not is_recorded)
         if unknown:
             warnings.warn(
                 f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "

@@ -136,7 +136,7 @@ def compare_classes(
         ``value`` : the statistic of each group, (statistic, group, quantity).
 
         ``difference``, ``ratio`` : (statistic, comparison, quantity). The ratio is NaN for
-        logarithms.
+        logarithms and for values that are not positive.
 
         ``probability_of_rise``, ``probability_of_direction`` : posterior probability that the
         difference is positive, and of its more probable sign.
@@ -306,6 +306,7 @@ def check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None
 
 
 def _size(fitted: xr.DataTree) -> int:
+    """Return the number of posterior draws in all chains."""
     posterior = fitted["posterior"]
     return int(posterior.sizes["chain"] * posterior.sizes["draw"])
 
@@ -331,6 +332,7 @@ def _averaged(factors: Sequence[Sequence[Estimate]], laws: Laws) -> dict[str, An
 
 
 def _warn_of_lacking(result: xr.Dataset) -> None:
+    """Warn for each group and quantity that too many specimens lack."""
     lacking = result["lacking"].max("pressure")
     for group in lacking["group"].values:
         for name in lacking["quantity"].values:
