@@ -72,7 +72,7 @@ def test_covariate_that_is_constant_or_a_group():
     """0.1 + 0.2 is 0.3; and a covariate of two values, one a group, is that group."""
     with pytest.raises(ValueError, match="'x' is the same for all specimens"):
         covariates([0.3, 0.1 + 0.2, 0.3, 0.3, 0.1 + 0.2])
-    with pytest.warns(UserWarning, match="cannot be told apart"):
+    with pytest.warns(UserWarning, match="are collinear"):
         covariates(1e6 + np.array([0.1, 0.1, 0.7, 0.7, 0.7]))
 
 

@@ -1,4 +1,8 @@
-"""Averages over strain energies, each by its probability."""
+"""Bayesian model averaging of classes over strain energies.
+
+Strain energies are weighted with their posterior probabilities, which follow from the evidences of
+the training data. Classification, comparison and the plot of these probabilities use them.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,38 +29,42 @@ from pymc_hyperelastic.models.settings import law_names_of, wall_of
 
 Array = NDArray[np.float64]
 
-# Draws of the laws' log evidences, within their errors: those of what follows are then known to 2%.
-_DRAWS, _SEED = 2000, 1
+# Number of random draws of the log evidences, by which their standard errors are propagated: the
+# relative error of a standard deviation from 2000 draws is 2 %.
+_DRAWS = 2000
+# Seed of these draws, so that equal evidences give equal errors.
+_SEED = 1
 
 
 @dataclass(frozen=True)
 class Laws:
-    r"""Strain energies ``k`` with their posterior probabilities, equal beforehand.
+    r"""Posterior probabilities of strain energies ``k`` with equal prior probabilities.
 
     .. math:: P_k = \frac{Z_k}{\sum_j Z_j}
 
-    The log evidences have standard errors, and a probability near 0 or 1 does not follow them in
-    proportion: errors of what depends on the ``P_k`` are therefore root mean squares over draws of
-    the log evidences. If one of these is not known at all, nothing is of what depends on it.
+    Probabilities near 0 or 1 are not linear in the log evidences. Standard errors of functions of
+    ``P_k`` are therefore root mean square deviations over random draws of the log evidences within
+    their standard errors. If a standard error is infinite, so are those of all these functions.
     """
 
     labels: list[str]
     parts: list[tuple[str, ...]]
-    """Parts of a class that can be told apart, by law."""
+    """For each strain energy, the parts into which a log ratio of evidences can be divided."""
     evidences: list[Estimate]
+    """Log evidence of all training data under each strain energy."""
     of_classes: dict[str, list[Estimate]] = field(default_factory=dict)
-    """The evidences of each class by itself, by law."""
+    """Log evidences of each class alone under each strain energy."""
 
     @cached_property
     def log_probability(self) -> Array:
-        """Logarithm of the probability of each law."""
+        """Logarithm of the probability of each strain energy."""
         if len(self.labels) == 1:
             return np.zeros(1)
         return log_softmax([evidence.value for evidence in self.evidences])
 
     @cached_property
     def drawn(self) -> Array | None:
-        """Draws of the same (draw, law); none where a law's evidence is not known."""
+        """Draws of the log probabilities, shape (draw, law); None if an error is not finite."""
         values, errors = np.transpose(self.evidences)
         if len(self.labels) == 1:
             return np.zeros((1, 1))
@@ -67,14 +75,17 @@ class Laws:
 
     @cached_property
     def probability_error(self) -> Array:
-        """Standard error of the probability of each law; NaN where evidences are still unknown."""
+        """Standard error of each probability; NaN for an unknown probability."""
         probability = np.exp(self.log_probability)
         if self.drawn is None:
             return np.where(np.isnan(probability), np.nan, np.inf)
         return _error(np.exp(self.drawn), probability)
 
     def as_variables(self) -> dict[str, xr.DataArray]:
-        """Log evidence and probability of each law, and that by each class alone."""
+        """Return log evidences and probabilities of all strain energies as variables of a result.
+
+        If classes are known, this includes the probabilities given each class alone.
+        """
         coords: dict[str, Any] = {"strain_energy": self.labels}
         values, errors = np.transpose(self.evidences)
         variables = {
@@ -106,10 +117,10 @@ def laws_of(
     labels: Sequence[str] | None = None,
     argument: str = "average_over",
 ) -> Laws:
-    """The laws of fitted classes, whose evidences have to compare.
+    """Return the strain energies of fitted classes; raise unless their evidences are comparable.
 
-    They are labelled by what they are, unless `labels` are given. The `argument` is that by which
-    the classes were given.
+    Default labels are the names of the strain energies. `argument` is the name of the user's
+    argument, for messages.
     """
     labels = list(labels or labels_of(kinds))
     check_comparable(
@@ -125,7 +136,10 @@ def laws_of(
 
 
 def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Laws:
-    """The laws of results: of sampled models, or of classes; a dict names the laws."""
+    """Return the strain energies of results of `sample_smc` or `fit_classes`.
+
+    The keys of a dict are the labels.
+    """
     trees = list(fits.values()) if isinstance(fits, Mapping) else list(fits)
     labels = list(fits) if isinstance(fits, Mapping) else None
     for i, tree in enumerate(trees):
@@ -136,7 +150,7 @@ def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Law
                 f"{type(tree).__name__}"
             )
     if not trees:
-        raise ValueError("there are no fits: expected results of ph.sample_smc or ph.fit_classes")
+        raise ValueError("fits is empty: expected results of ph.sample_smc or ph.fit_classes")
     of_classes = [_are_classes(tree) for tree in trees]
     if all(of_classes):
         return laws_of(
@@ -144,8 +158,8 @@ def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Law
         )
     if any(of_classes):
         raise ValueError(
-            "some of the fits are classes, results of ph.fit_classes, and some are single results: "
-            "their evidences do not compare; of one class take classes['C1']"
+            "fits holds both results of ph.fit_classes and single results, whose evidences do not "
+            "compare; to use a single class, give classes['C1']"
         )
     labels = labels or labels_of_results(trees)
     check_comparable(
@@ -156,47 +170,51 @@ def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Law
 
 
 def _are_classes(tree: xr.DataTree) -> bool:
+    """Return True for a result of `fit_classes`, whose children hold the evidences."""
     return "evidence" not in tree.children and any(
         "evidence" in child.children for child in tree.children.values()
     )
 
 
 def labels_of(kinds: Sequence[ClassKind]) -> list[str]:
-    """Names of strain energies; where these are alike, with what else tells the kinds apart."""
-    known = []
+    """Return unique labels of strain energies; equal names are extended by settings."""
+    descriptions = []
     for kind in kinds:
         wall = [kind.energy] if isinstance(kind.energy, StrainEnergy) else kind.energy
         laws = [layer.energy if isinstance(layer, Layer) else layer for layer in wall]
-        known.append((*_names(laws), kind.in_words))
-    return _told_apart(known)
+        descriptions.append((*_names(laws), kind.in_words))
+    return _unique_labels(descriptions)
 
 
 def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
-    """Names of the strain energies, or of the layers, of sampled models."""
-    known = []
+    """Return unique labels of the strain energies, or of the layers, of sampled models."""
+    descriptions = []
     for i, tree in enumerate(trees):
         if not law_names_of(tree):
             raise ValueError(
                 f"fit number {i} does not name its strain energy: give the fits as a dict of names "
                 "to results"
             )
-        known.append((*_names([layer.energy for layer in wall_of(tree)]), ""))
-    return _told_apart(known)
+        descriptions.append((*_names([layer.energy for layer in wall_of(tree)]), ""))
+    return _unique_labels(descriptions)
 
 
 def _names(energies: Sequence[StrainEnergy]) -> tuple[str, str]:
-    """What the laws of a wall, from the inside out, are called, and that with their settings."""
+    """Return a label of the layers, from the inside out, without and with their settings."""
     return " in ".join(law.name for law in energies), " in ".join(map(repr, energies))
 
 
-def _told_apart(known: Sequence[tuple[str, str, str]]) -> list[str]:
-    """Labels of laws, of each of which the name, all settings and more words are known."""
+def _unique_labels(descriptions: Sequence[tuple[str, str, str]]) -> list[str]:
+    """Return unique labels from the name, the settings and further words about each entry.
+
+    Settings and words are added only where names are equal; then entries are numbered.
+    """
     labels: list[str] = []
-    for name, settings, words in known:
-        alike = [other for other in known if other[0] == name]
-        same = [other for other in alike if other[1] == settings]
-        label = name if len({other[1] for other in alike}) == 1 else settings
-        if len({other[2] for other in same}) > 1 and words:
+    for name, settings, words in descriptions:
+        same_name = [other for other in descriptions if other[0] == name]
+        same_settings = [other for other in same_name if other[1] == settings]
+        label = name if len({other[1] for other in same_name}) == 1 else settings
+        if len({other[2] for other in same_settings}) > 1 and words:
             label = f"{label} {words}"
         times = sum(other.split(" (")[0] == label for other in labels)
         labels.append(f"{label} ({times + 1})" if times else label)
@@ -206,9 +224,9 @@ def _told_apart(known: Sequence[tuple[str, str, str]]) -> list[str]:
 def average(
     laws: Laws, predictions: Sequence[Sequence[Prediction]], log_prior: Array
 ) -> list[Prediction]:
-    """Prediction of each class by several laws together, each by its probability.
+    """Return the prediction of each class, averaged over strain energies with their probabilities.
 
-    `predictions` are those of every class, by law, and `log_prior` is that of the classes.
+    `predictions` has the order (law, class); `log_prior` holds log prior probabilities of classes.
     """
     if len(predictions) == 1:
         return [*predictions[0]]
@@ -217,7 +235,8 @@ def average(
     evidence, share = logsumexp(terms, axis=0), softmax(terms, axis=0)
     errors = np.array([[p.log_evidence.standard_error for p in of_law] for of_law in predictions])
     own = np.array([[p.own_error for p in of_law] for of_law in predictions])
-    # What has an infinite error may have any share, though it seems to have none.
+    # An evidence with an infinite error may be of any size, even where its estimate is negligible:
+    # avoid 0 · inf.
     with np.errstate(invalid="ignore"):
         error, own = (
             np.linalg.norm(np.where(np.isinf(each), np.inf, share * each), axis=0)
@@ -250,5 +269,5 @@ def average(
 
 
 def _error(drawn: Array, stated: Array) -> Array:
-    """Root mean square of what draws, along the first axis, differ by from what is stated."""
+    """Return the root mean square deviation of draws, along axis 0, from the estimate."""
     return np.sqrt(np.mean((drawn - stated) ** 2, axis=0))

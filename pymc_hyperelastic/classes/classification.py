@@ -1,4 +1,8 @@
-"""What fitted classes say of new data, set up once for any number of them."""
+"""Classification of new data by fitted classes, compiled once for any number of specimens.
+
+:func:`~pymc_hyperelastic.classify`, :func:`~pymc_hyperelastic.classify_cohort` and
+:func:`~pymc_hyperelastic.explain_classification` use :class:`Classification`.
+"""
 
 import json
 import warnings
@@ -27,29 +31,32 @@ from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.messages import PACKAGE
 
+# Prediction for data not yet classified, as after an interrupt.
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
+# Prediction for data whose computation raised an error.
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
-#: Attribute of decisions: a checksum of each class with which they were made.
+#: Attribute of decisions: checksums of the classes by which they were made, as JSON.
 CLASSES = "classes"
-# Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
-_FAR_BELOW = 10.0
-# Digits to which probabilities and p-values are rounded before they are compared, so that rounding
-# errors do not decide.
+# Difference of log posteriors, in nats, below the most probable class, at which an unreliable
+# evidence is ignored: the probability of that class is below exp(−10) = 5e-5.
+_IGNORED_BELOW = 10.0
+# Number of decimals to which probabilities and p-values are rounded before comparison, so that
+# rounding errors do not decide between equal ones.
 _DIGITS = 9
 
 
 class Classification:
-    """What fitted classes say of new data: everything is checked and compiled once.
+    """Classifier of new data by fitted classes, checked and compiled once.
 
-    What is said of an experiment, or a specimen, depends on nothing but its own measurements, the
-    classes, the seed and the data `like` which all is set up: not on what else is classified.
+    The result for an experiment or specimen depends on its measurements, the classes, the seed and
+    the data `like`, but not on other data that are classified.
 
     Parameters
     ----------
     classes, by, class_prior, average_over, undecided_below, none_below, random_seed
         See :func:`classify`.
     like : xarray.Dataset
-        Data whose ranges of radii, stretches and geometry are those of all that is classified.
+        Data whose ranges of radii, stretches and geometry cover those of all data to be classified.
     """
 
     def __init__(
@@ -85,7 +92,7 @@ class Classification:
         self._limits = {"undecided_below": undecided_below, "none_below": none_below}
         if none_below and not self._has_p_value:
             raise ValueError(
-                "none_below needs classes that say how specimens differ: "
+                "none_below needs p-values, and so classes with variability: fit them with "
                 "ph.fit_classes(..., variability='specimen')"
             )
         self._fresh_specimens = any(kind.fresh_specimens for kind in kinds)
@@ -98,11 +105,11 @@ class Classification:
         ]
 
     def check_new(self, data: xr.Dataset) -> None:
-        """Raise, or warn, if classes were learned from what is to be classified."""
+        """Raise for data in the training data, or warn about other data of their specimens."""
         check_new(data, self.trees[0].children, self._fresh_specimens)
 
     def manifest(self, data: xr.Dataset) -> dict[str, Any]:
-        """What decides the numbers for these data, as a store says it."""
+        """Return all inputs on which the results for these data depend, for a store."""
         return {
             "work": "classify",
             "by": self.by,
@@ -120,9 +127,9 @@ class Classification:
         *,
         interruptible: bool = False,
     ) -> xr.Dataset:
-        """The result of :func:`classify` for these data; `advance` is called after each.
+        """Return the result of :func:`classify`; `advance` is called after each row.
 
-        If it is `interruptible` what is not known after an interrupt is NaN.
+        If `interruptible` is True, an interrupt leaves NaN for rows that are not yet computed.
         """
         units, classes = units_of(data, self.by), len(self.names)
         predictions, errors = [[_UNKNOWN] * classes for _ in units], [""] * len(units)
@@ -134,8 +141,8 @@ class Classification:
                 except (ValueError, ArithmeticError) as error:
                     # One specimen must not end a batch.
                     predictions[i], errors[i] = [_FAILED] * classes, str(error)
-                    said = f"{describe_test(part, 0)} cannot be judged: {error}"
-                    warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+                    message = f"{describe_test(part, 0)} cannot be judged: {error}"
+                    warnings.warn(message, skip_file_prefixes=(PACKAGE,))
                 advance()
         except KeyboardInterrupt:
             if not interruptible:
@@ -164,7 +171,7 @@ class Classification:
     def explanation(
         self, data: xr.Dataset, advance: Callable[[], None] = no_progress
     ) -> xr.Dataset:
-        """The result of :func:`explain_classification` for these data."""
+        """Return the result of :func:`explain_classification` for these data."""
         parts, units, classes = parts_of(self._laws), units_of(data, self.by), len(self.names)
         rivals = np.full((len(units), classes), "", dtype=object)
         values = np.full((len(units), classes, len(parts)), np.nan)
@@ -178,8 +185,8 @@ class Classification:
                     values[i, own] = log_ratio_parts(self._laws, of_laws, own, rival)
             except (ValueError, ArithmeticError) as error:
                 # One specimen must not end a batch.
-                said = f"{describe_test(part, 0)} cannot be judged: {error}"
-                warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+                message = f"{describe_test(part, 0)} cannot be judged: {error}"
+                warnings.warn(message, skip_file_prefixes=(PACKAGE,))
             advance()
         variables = {
             "rival": ((self.by, "class_label"), rivals.astype(str)),
@@ -191,35 +198,34 @@ class Classification:
     def _predict(
         self, data: xr.Dataset, label: str
     ) -> tuple[list[Prediction], list[list[Prediction]]]:
-        """What the classes say of one experiment or specimen: averaged over laws, and by law."""
+        """Return predictions for one unit: averaged over strain energies, and for each of them."""
         of_laws = [
             predictor(data, seed_of(seed, label))
             for predictor, seed in zip(self._predictors, self._seeds, strict=True)
         ]
-        # What hybrids are made of is large.
+        # Hybrids refer to large arrays, which need not be kept.
         averaged = average(self._laws, of_laws, self._log_prior)
         return [p._replace(hybrids=None) for p in averaged], of_laws
 
 
 def _check_complete(classes: xr.DataTree) -> None:
-    """Raise if a class is missing: the others would share its probability without a word."""
+    """Raise ValueError if a class was not fitted: its probability would go to the others."""
     for name, why in read_json(classes, MISSING, {}).items():
         if name not in classes.children:
             raise ValueError(
-                f"class {name!r} was not fitted ({why}), and would have no probability: fit it, or "
-                f"give class_prior, of {list(classes.children)} alone, if there is no other to "
-                "choose from"
+                f"class {name!r} was not fitted ({why}), and has no probability: fit it, or, if "
+                f"only {list(classes.children)} are possible, give class_prior for these"
             )
 
 
 def are_of_classes(decisions: xr.Dataset, trees: Sequence[xr.DataTree]) -> bool:
-    """Return True if decisions were made with some of these classes, or do not say with which."""
-    known = [digests_of(tree.children) for tree in trees]
-    return all(made_with in known for made_with in read_json(decisions, CLASSES, []))
+    """Return True if decisions were made by some of these classes, or do not record the classes."""
+    digests = [digests_of(tree.children) for tree in trees]
+    return all(made_with in digests for made_with in read_json(decisions, CLASSES, []))
 
 
 def warn_of_doubt(result: xr.Dataset) -> None:
-    """Warn of what cannot be judged."""
+    """Warn if evidences of some rows are unreliable; rows with an error have their own warning."""
     doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
     if unclear := int(doubtful.any("class_label").sum()):
         warnings.warn(
@@ -234,13 +240,13 @@ def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
         raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
     for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):
         if not isinstance(bound, Real) or not 0 <= bound < 1:
-            raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1")
+            raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1, excluding 1")
 
 
 def _tabulate(
     predictions: Sequence[Sequence[Prediction]], prior: np.ndarray, by: str, names: Sequence[str]
 ) -> xr.Dataset:
-    """Predictions as tables, with the probabilities of the classes."""
+    """Return predictions, by row and class, as tables with the probabilities of the classes."""
 
     def table(value: Callable[[Prediction], Any]) -> np.ndarray:
         return np.array([[value(prediction) for prediction in row] for row in predictions])
@@ -270,8 +276,8 @@ def _tabulate(
 
 
 def _labelled(result: xr.Dataset, data: xr.Dataset, by: str) -> xr.Dataset:
-    """The result with names of what was classified, and what the data are said to be."""
-    # Above all whether they were simulated.
+    """Return the result with names of its rows, and attributes of the data."""
+    # A result must show whether its data were simulated.
     kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
     return result.assign_coords(labels_of_units(data, by)).assign_attrs(kept)
 
@@ -279,9 +285,9 @@ def _labelled(result: xr.Dataset, data: xr.Dataset, by: str) -> xr.Dataset:
 def _decide(
     result: xr.Dataset, prior: np.ndarray, undecided_below: float, none_below: float
 ) -> xr.DataArray:
-    """The most probable class, unless a limit says otherwise; empty where nothing is known.
+    """Return the decision of each row; an empty string for rows that were not computed.
 
-    The first of several equally probable classes is taken.
+    The first one of several equally probable classes is chosen.
     """
     probability = result["class_probability"].values.round(_DIGITS)
     names = result["class_label"].values.tolist()
@@ -293,27 +299,30 @@ def _decide(
         decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
         decision[(p_value < none_below).all(axis=1)] = "none of these"
     decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
-    # What failed has an infinite error, and what was not tried has none.
+    # The error is infinite for rows that failed, and NaN for rows that were not computed.
     decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
     return xr.DataArray(decision.astype(str), dims=result["class_probability"].dims[:1])
 
 
 def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
-    """Where the evidence of the most probable class, or of one near it, is not to be trusted."""
+    """Return True for rows with an unreliable evidence that could change the decision."""
     with np.errstate(divide="ignore"):
         log_posterior = result["log_evidence"].values + np.log(prior)
     doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
     doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
     doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
-    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _FAR_BELOW
+    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _IGNORED_BELOW
     return (doubtful & near).any(axis=1)
 
 
 def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
+    """Return the prior probabilities in the order of the classes; raise unless they are valid."""
     if class_prior is None:
         return np.full(len(names), 1 / len(names))
     if not isinstance(class_prior, Mapping):
-        raise TypeError(f"class_prior must be a dict of names to numbers, not {class_prior!r}")
+        raise TypeError(
+            f"class_prior must be a dict from names of classes to numbers, not {class_prior!r}"
+        )
     if set(class_prior) != set(names):
         raise ValueError(f"class_prior names {sorted(class_prior)}, but the classes are {names}")
     try:

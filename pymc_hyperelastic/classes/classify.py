@@ -1,4 +1,4 @@
-"""Classify new experiments by their marginal likelihood."""
+"""Classify new experiments or specimens by their marginal likelihood under fitted classes."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -14,8 +14,9 @@ from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.parallel import one_thread
 
-# Of what is the same in all, the first is taken.
-_ROWS: dict[str, Any] = {
+# Options of xarray.concat for results of single experiments or specimens: variables without the
+# dimension of the rows are equal in all of them, and are taken from the first.
+_CONCAT_OPTIONS: dict[str, Any] = {
     "data_vars": "minimal",
     "coords": "minimal",
     "compat": "override",
@@ -38,94 +39,106 @@ def classify(
     progressbar: bool = True,
     store: str | Path | None = None,
 ) -> xr.Dataset:
-    r"""Probability of each class for new experiments.
+    r"""Compute the posterior probability of each class for new experiments or specimens.
 
     .. math:: P(C | D) = \frac{P(D | C) P(C)}{\sum_{C'} P(D | C') P(C')}, \qquad
         P(D | C) = \int P(D | θ) P(θ | C) \, dθ
 
-    ``P(θ | C)`` is the class's posterior: nothing is fitted again. The integral is taken in the
-    cheapest of three ways that can be trusted, see the variable ``method``.
+    ``P(θ | C)`` is the posterior of class ``C``, which is not fitted again. The integral is
+    computed by the fastest reliable one of several methods, see the variable ``method``.
 
     Parameters
     ----------
     new_data : xarray.Dataset
-        New inflation data. Measurements from which a class was learned are refused, under whatever
-        names: it would always claim them. With variability new specimens are new to the class, and
-        other experiments on a specimen of the training data are warned of; without, they are other
-        curves of the class's one material.
+        New inflation data. Measurements of the training data are refused, also under other names:
+        a class would be too probable for them. With variability, a specimen of the new data is
+        assumed not to be in the training data; further experiments on a specimen of the training
+        data cause a warning. Without variability, new curves are those of the class's one material.
     classes : xarray.DataTree
-        Result of :func:`fit_classes`, perhaps read from a file.
+        Result of :func:`fit_classes`, or one read from a file.
     by : {"test", "specimen"}
-        What is classified: each experiment by itself, or all experiments on a specimen together.
+        Whether each experiment is classified separately, or all experiments on a specimen jointly.
     class_prior : dict of str to float, optional
-        Probability of each class beforehand; equal when missing. It is needed if a class of the
-        result could not be fitted: it says that the others are all that there are to choose from.
+        Prior probability of each class; by default all are equal. It is required if a class of the
+        result could not be fitted, to confirm that only the other classes are possible.
     average_over : sequence of xarray.DataTree, optional
-        The same classes, of the same training data, fitted with other strain energies: what each
-        says counts by its posterior probability, which is the product of the evidences of its
-        classes. The variable ``strain_energy_probability`` tells it, and
-        ``strain_energy_probability_se`` what the errors of these evidences leave open, which all
-        errors of the result hold too: if one is infinite, nothing can be judged.
-        ``strain_energy_log_evidence`` is what it rests on, and ``strain_energy_class_probability``
-        (strain_energy, class_label) what each class would say alone, both with their ``_se``; see
-        :func:`~pymc_hyperelastic.plot_law_probability`. The p-value is the mean of the laws'
-        p-values by these probabilities. Evidences compare only between classes of the same noise,
-        or between classes that all have variability; of these one law may be there twice, with an
-        experiment effect and without.
+        Results for the same classes and training data with other strain energies. The predictions
+        are averaged with the posterior probabilities of the strain energies, which are proportional
+        to the product of the evidences of their classes. They are returned as
+        ``strain_energy_probability``, the log evidences as ``strain_energy_log_evidence``, and the
+        probabilities given the training data of one class alone as
+        ``strain_energy_class_probability`` (strain_energy, class_label), each with a standard error
+        (``_se``); see :func:`~pymc_hyperelastic.plot_law_probability`. All standard errors of the
+        result include those of the evidences: if one is infinite, every decision is "cannot be
+        judged". p-values are averaged with the same probabilities. Evidences are comparable only
+        between classes with the same noise, or between classes that all have variability; such
+        classes may be given both with and without an experiment effect for the same strain energy.
     undecided_below : float, default 0
-        Probability that the most probable class must have for a decision.
+        If the probability of the most probable class is below this value, the decision is
+        "undecided".
     none_below : float, default 0
-        Where the p-value of every class is below this, the decision is "none of these"; with 0.05
-        that happens to one in twenty specimens of the classes themselves. Only for classes with
-        variability.
+        If the p-values of all classes are below this value, the decision is "none of these". With
+        0.05, up to one in twenty specimens that belong to a class is decided so. Only for classes
+        with variability.
     random_seed : int, optional
-        The same seed gives the same result.
+        Seed of the random numbers; the same seed gives the same result.
     progressbar : bool
-        Whether to show progress. After an interrupt what is not yet known is NaN.
+        Whether to show progress. After an interrupt, results that are not yet computed are NaN.
     store : str or Path, optional
-        A folder that keeps what is computed, one experiment or specimen after another: the same
-        call goes on from there. For many see :func:`~pymc_hyperelastic.classify_cohort`.
+        Folder in which the result of each experiment or specimen is stored. After an interrupt, the
+        same call continues from there. For many specimens use
+        :func:`~pymc_hyperelastic.classify_cohort`.
 
     Returns
     -------
     xarray.Dataset
-        ``decision``, the most probable class unless one of the limits above says otherwise, and
-        ``class_probability``, ``class_probability_se``, ``log_evidence`` and ``log_evidence_se``,
-        each (test, class_label) in the order of the data, or (specimen, class_label). ``method``
-        says how the integral was taken: "class draws", the mean likelihood of the class's draws,
-        or "adapted draws", importance sampling from a mixture about the modes with the new data or
-        from one that followed these, both with a Pareto shape ``pareto_k`` of the weights below
-        0.5; else "tempering", by SMC from the class's draws. With variability the parameters of a
-        specimen are a fresh draw from the class's distribution, integrated by "specimen draws", or,
-        where these could not be had by importance sampling, by "specimen draws by tempering";
-        ``pareto_k`` is the larger of the shapes of the weights by which they were drawn and of
-        those under the class, and from 0.5 on the evidence is not to be trusted. ``p_value`` is
-        then the chance that a specimen of the class itself looks as strange, by either of two signs
-        that are given beside it.
-        ``typical_p_value`` compares its wall with those that the class would bring forth, in
-        coordinates in which half as stiff is as far as twice as stiff. ``fit_p_value`` asks whether
-        any wall of this law follows its curves to within the noise: with known noise the chance of
-        a worse misfit, else that of noise as large in the class. P-values are NaN if the curves
-        tell nothing of the wall. The decision is "cannot be judged" where an evidence that might
-        change it is not to be trusted, or, with `none_below`, where there is no p-value.
-        ``class_verdict`` (class_label)
-        says how far the fits of the classes can be trusted, see
+        The first dimension, ``row`` below, is ``test`` or ``specimen``, in the order of the data.
+
+        ``decision`` : the most probable class, "undecided", "none of these", or "cannot be judged"
+        if an evidence that could change the decision is unreliable, or if `none_below` is used and
+        there is no p-value.
+
+        ``class_probability``, ``log_evidence`` : (row, class_label), each with its standard error
+        (``_se``). Log evidences are in nats.
+
+        ``method`` : method of the integral, (row, class_label). Without variability it is "class
+        draws", the mean likelihood of the class's draws; "adapted draws", importance sampling from
+        a normal mixture fitted to the posterior with the new data; or, if the Pareto shape of the
+        weights is at least 0.5 or the effective sample size is too small for both of these,
+        "tempering", SMC from the class's draws. With variability, the parameters of a specimen are
+        a new draw from the class's distribution; the integral uses importance-sampling draws of the
+        specimen ("specimen draws") or SMC draws ("specimen draws by tempering").
+
+        ``pareto_k`` : Pareto shape of the importance weights, (row, class_label). With variability
+        it is the larger shape of two sets of weights: those of the specimen's draws, and those of
+        the same draws under the class. At 0.5 or above the evidence is not reliable.
+
+        ``p_value`` : with variability, the probability that a specimen of the class is as extreme
+        as the new one, (row, class_label), from two p-values. ``typical_p_value`` compares the
+        specimen's material, and the differences between its tests if the class has an experiment
+        effect, with the distribution of the class in logarithmic coordinates. ``fit_p_value`` tests
+        whether this strain energy fits the curves as well as those of the class's specimens: by an
+        F test of the misfits if the noise is known, and otherwise as the fraction of specimens of
+        the class whose noise is at least as large. All are NaN if the curves do not inform about
+        the material.
+
+        ``class_verdict`` : reliability of the fit of each class, (class_label), see
         :func:`~pymc_hyperelastic.diagnose_evidence`.
 
-        ``error`` says why what was given up could not be judged, and is empty otherwise.
+        ``error`` : message of the error for rows whose computation failed; empty for others.
 
     Warns
     -----
     UserWarning
-        If specimens stand in the training data of classes with variability, with other
-        measurements; if something cannot be judged; if an interrupt leaves something unknown.
+        If new data and training data of classes with variability contain different experiments on
+        the same specimen; if a row cannot be judged; or if an interrupt leaves rows uncomputed.
 
     Raises
     ------
     TypeError, ValueError
-        If the data are unsound or were in the training data, `classes` are not fitted classes of
-        one model, one of them could not be fitted and there is no `class_prior`, or that is not a
-        probability of each class.
+        If the data are invalid or contain training data, `classes` are not fitted classes of one
+        model, a class could not be fitted and `class_prior` is missing, or `class_prior` does not
+        hold a probability of each class.
 
     See Also
     --------
@@ -165,6 +178,6 @@ def classify(
                 judge = partial(classification.of, tests_at(new_data, tests))
                 rows.append(kept.remember(f"{by}-{i}", judge))
                 advance()
-            result = xr.concat(rows, by, **_ROWS)
+            result = xr.concat(rows, by, **_CONCAT_OPTIONS)
     warn_of_doubt(result)
     return result

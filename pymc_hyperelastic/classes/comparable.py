@@ -1,4 +1,4 @@
-"""Check that evidences of laws are comparable: they need the same data and likelihood."""
+"""Check that evidences of strain energies are comparable: same data and same likelihood."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,11 @@ from pymc_hyperelastic.models.settings import (
 
 
 class Fit(NamedTuple):
-    """A law that was fitted."""
+    """Fitted results of one strain energy."""
 
     label: str
     fitted: Mapping[str, xr.DataTree]
-    """By class; a result that is no class by itself has the name ``""``."""
+    """Results by class; a single result has the name ``""``."""
     likelihood: str | None
     """The likelihood in words; None if the result does not state it."""
 
@@ -38,17 +38,18 @@ def likelihood_said(tree: xr.DataTree) -> str | None:
 
 
 def check_comparable(fits: Sequence[Fit], argument: str) -> None:
-    """Raise, naming what differs, unless the evidences of these laws compare.
+    """Raise ValueError, naming the difference, unless the evidences of the fits are comparable.
 
-    The `argument` is the name of the argument that holds them. Warn about fits that do not record
-    their data or likelihood.
+    Warn about fits that do not record their data or likelihood. `argument` is the name of the
+    user's argument, for messages.
     """
     first = fits[0]
     for fit in fits:
         if list(fit.fitted) != list(first.fitted):
             raise ValueError(
-                f"{argument} holds the classes {list(fit.fitted)}, not {list(first.fitted)} as the "
-                "others"
+                f"{argument} holds {fit.label} with the classes {list(fit.fitted)}, but "
+                f"{first.label} has the classes {list(first.fitted)}: give results with the same "
+                "classes"
             )
         if None not in (fit.likelihood, first.likelihood) and fit.likelihood != first.likelihood:
             raise ValueError(
@@ -72,33 +73,33 @@ def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
     if len(fits) == 1:
         return
     for fit in fits:
-        known = {
+        recorded = {
             "from which inflation data": all(_data_of(t) is not None for t in fit.fitted.values()),
             "with which likelihood": fit.likelihood is not None,
         }
-        unknown = " and ".join(what for what, is_known in known.items() if not is_known)
+        unknown = " and ".join(what for what, is_recorded in recorded.items() if not is_recorded)
         if unknown:
             warnings.warn(
                 f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "
-                "only under the same data and likelihood: see to it that they are",
+                "only for the same data and likelihood: check that all fits have the same",
                 skip_file_prefixes=(PACKAGE,),
             )
 
 
 def _data_of(tree: xr.DataTree) -> xr.Dataset | None:
-    """Inflation data of a result; none of a model of something else."""
+    """Return the inflation data of a result; None if the model has other data."""
     return inflation_data_of(tree) if holds_inflation_data(tree) else None
 
 
 def _what_differs(one: xr.Dataset, other: xr.Dataset) -> str:
-    """In what two sets of inflation data differ; nothing if they are equal."""
+    """Describe how two sets of inflation data differ; return an empty string if they are equal."""
     if one.equals(other):
         return ""
     for dim, things in (("test", "tests"), ("obs", "points")):
         if one.sizes[dim] != other.sizes[dim]:
             return f"{one.sizes[dim]} {things}, not {other.sizes[dim]}"
     names = dict.fromkeys([*one.variables, *other.variables])
-    alike = {
+    equal = {
         n for n in names if n in one and n in other and one[n].variable.equals(other[n].variable)
     }
-    return "in " + ", ".join(str(name) for name in names if name not in alike)
+    return "in " + ", ".join(str(name) for name in names if name not in equal)

@@ -1,4 +1,8 @@
-"""Whether groups differ: in what, by how much, and how sure that is."""
+"""Compare the distributions of two or more groups of specimens.
+
+:func:`compare_classes` computes posteriors of differences, effect sizes and overlaps, and Bayes
+factors; :func:`~pymc_hyperelastic.plot_comparison` shows them.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -33,13 +37,14 @@ from pymc_hyperelastic.predictions.measured import warn_user
 Array = NDArray[np.float64]
 type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]
 
-# Standard deviation of the difference of logarithms of spreads where it is asked whether groups
-# differ at all, for a difference of locations of one spread.
-_LOG_SPREAD = 0.5
-# Draws of a prior.
-_PRIOR = 4000
-# Share of specimens without a quantity from which on there is a warning.
-_FEW_LACKING = 0.005
+# Ratio of two prior standard deviations of the Bayes factor: that of the difference of log spreads
+# to that of the difference of locations, in spreads. If locations of two groups typically differ by
+# one spread, their spreads typically differ by a factor of exp(0.5) = 1.6.
+_LOG_SPREAD_RATIO = 0.5
+# Number of prior draws from which the median and interval of a prior spread are computed.
+_PRIOR_DRAWS = 4000
+# Fraction of specimens without a quantity above which a warning is issued.
+_MOST_LACKING = 0.005
 
 
 @one_thread
@@ -61,120 +66,131 @@ def compare_classes(
     prob: float = 0.95,
     random_seed: Any = None,
 ) -> xr.Dataset:
-    r"""Compare groups of specimens: in what they differ, by how much, and how sure that is.
+    r"""Compare a quantity between groups of specimens, with its uncertainty.
 
-    Each draw of a class's distribution has a *typical* specimen, the one in the middle, and other
-    specimens around it. A quantity of the first, its *mean* over the others and its *spread*, their
-    standard deviation, are what groups are compared by: where a quantity is no linear function of
-    the coordinates in which specimens are spread normally, the mean is not that of the typical one.
+    Each posterior draw of a class's distribution defines a *typical* specimen, with the mean
+    coordinates, and a population of specimens around it. Groups are compared by three statistics of
+    a quantity: its value for the typical specimen, and its *mean* and *spread* (standard deviation)
+    over the population. The mean equals the value of the typical specimen only for quantities that
+    are linear in the normally distributed coordinates.
 
-    Differences are those of materials: all are looked at in one tube.
+    All properties are computed for one common tube, so that differences are due to the materials.
 
     Parameters
     ----------
     classes : xarray.DataTree, or several of them
-        Result of :func:`fit_classes` with ``variability="specimen"``. Several results, of one
-        strain energy each, are averaged by the probability that the data give these.
+        Result of :func:`fit_classes` with ``variability="specimen"``. Several results, each with
+        its own strain energy, are averaged with the posterior probabilities of the strain energies.
     quantity : str or sequence of str
         Coordinates of the specimens, such as ``"log_alpha"``; parameters of the material, such as
-        ``"mu"``, or ``"mu[0]"`` of a vector; or properties of :func:`tube_properties`, from
-        ``"compliance"`` to ``"in_vivo_axial_stretch"``. ``"log compliance"`` is the logarithm of
-        one, whose difference is that of a ratio.
+        ``"mu"``, or ``"mu[0]"`` for an entry of a vector; or properties of
+        :func:`tube_properties`, such as ``"compliance"`` or ``"in_vivo_axial_stretch"``. The prefix
+        ``"log "`` takes the logarithm, as in ``"log compliance"``: its difference is the logarithm
+        of a ratio.
     pressure : array_like, optional
-        Internal pressures of the properties, in `pressure_unit`. Several give curves.
+        Internal pressures at which properties are computed, in `pressure_unit`. Several pressures
+        give curves.
     pressure_range : pair of float, optional
         Diastolic and systolic pressure, for ``"stored_energy_change"`` and
         ``"in_vivo_axial_stretch"``.
     pressure_unit : str, default "kPa"
-        Unit of both.
+        Unit of `pressure` and `pressure_range`.
     density : float, default 1060
-        Density of the fluid within, kg/m³, for ``"pulse_wave_velocity"``.
+        Density of the fluid inside the tube, kg/m³, for ``"pulse_wave_velocity"``.
     tube : dict of str to float, optional
         ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle`` (rad) of
-        the tube. What is left out is the median of all specimens that were measured.
+        the tube. An omitted entry is the median over the specimens of all classes.
     pair : str or dict, optional
-        Which animal a specimen is of, by the name of a variable of the data by test, or as a dict
-        from specimens to animals: two groups are then the same animals, before and after.
+        The animal of each specimen, for two groups of the same animals, such as before and after a
+        treatment. Either the name of a variable of the data with one value per test, or a dict from
+        specimens to animals.
     covariates : sequence of str, dict or pandas.DataFrame, optional
-        Age, sex, batch: names of variables of the data by test, or values by name and specimen.
-        Each moves all coordinates linearly, by as much in all groups; what is not a number is a
-        category. Groups are compared at the mean of all.
+        Covariates such as age, sex or batch: names of variables of the data with one value per
+        test, or values by name and specimen. Each covariate has a linear effect on all coordinates,
+        which is the same in all groups. Values that are not numbers are categories. Groups are
+        compared at the mean of each covariate over all specimens.
     effect_prior : float, default 1
-        For the Bayes factor: standard deviation of the difference of two groups in each coordinate,
-        in units of the spread between specimens, if there is a difference.
+        Prior standard deviation, under the alternative of the Bayes factor, of the difference of
+        two groups in each coordinate, in units of the spread between specimens.
     bayes_factor : bool, default True
-        Whether it is wanted; it takes as long as fitting the distributions of all groups twice.
+        If True, compute Bayes factors, which takes as long as fitting the distributions of all
+        groups twice.
     draws : int, default 1000
-        Draws of the groups' distributions, no more than the classes have.
+        Number of posterior draws of the groups' distributions, at most that of the classes.
     specimens : int, default 32
-        Specimens of each draw, evenly spread in probability.
+        Number of specimens that represent the population of each draw, a Latin hypercube sample.
     prob : float, default 0.95
-        Probability that intervals hold, with equal tails.
+        Probability of the equal-tailed credible intervals.
     random_seed : int or sequence of int, optional
-        Seed.
+        Seed of the random numbers.
 
     Returns
     -------
     xarray.Dataset
         A ``comparison`` is ``second − first`` of two classes; a ``statistic`` is ``"typical"``,
-        ``"mean"`` or ``"spread"``. Where a quantity has a posterior its median has the name of the
-        quantity, its standard deviation ends in ``_sd``, and the ends of its interval
-        (``bound``: low, high) in ``_interval``.
+        ``"mean"`` or ``"spread"``. A variable with a posterior holds the posterior median; the
+        variable with the suffix ``_sd`` holds the posterior standard deviation, and that with
+        ``_interval`` the ends of the credible interval (``bound``: low, high). With several
+        pressures, variables of quantities also have the dimension ``pressure``.
 
-        ``value`` : of each group, (statistic, group, quantity).
+        ``value`` : the statistic of each group, (statistic, group, quantity).
 
-        ``difference``, ``ratio`` : (statistic, comparison, quantity). Logarithms have no ratio.
+        ``difference``, ``ratio`` : (statistic, comparison, quantity). The ratio is NaN for
+        logarithms and for values that are not positive.
 
-        ``probability_of_rise``, ``probability_of_direction`` : that the difference is positive, and
-        that it has the sign that is more probable.
+        ``probability_of_rise``, ``probability_of_direction`` : posterior probability that the
+        difference is positive, and of its more probable sign.
 
-        ``effect_size`` : difference of the typical specimens, in units of the spread between
-        specimens, the root of the mean of both variances.
+        ``effect_size`` : difference of the typical specimens, in units of the root mean square of
+        the spreads of the two groups.
 
-        ``overlap`` : :math:`\int \min(f, g)` of the distributions of the quantity over specimens;
-        1 if they are one. ``best_accuracy`` is what a single new specimen can tell at best by it,
-        if both groups are equally probable: :math:`1 - \tfrac12` of the overlap.
+        ``overlap`` : :math:`\int \min(f, g)` of the densities ``f`` and ``g`` of the quantity in
+        the two populations; 1 if the densities are equal. ``best_accuracy`` is the largest
+        probability of assigning a new specimen to the right group by this quantity if both groups
+        are equally probable: one minus half of the overlap.
 
-        ``overlap_of_specimens`` : the same of the specimens with all their coordinates.
+        ``overlap_of_specimens`` : overlap of the joint densities of all coordinates.
 
-        ``log_bayes_factor``, ``log_bayes_factor_se`` : logarithm of the evidence of a difference
-        against that of one distribution, by comparison, and its standard error;
-        ``probability_of_difference`` if both are as probable beforehand. It is about the whole
-        distribution, not about a quantity.
+        ``log_bayes_factor``, ``log_bayes_factor_se`` : log Bayes factor of two different
+        distributions against one common distribution, for each comparison, and its standard error;
+        ``probability_of_difference`` is the posterior probability for equal prior odds. They
+        concern all coordinates together, not a quantity.
 
-        ``prior_sensitivity``, ``likelihood_sensitivity`` : how much the difference changes as prior
-        or likelihood are raised to a power near 1 [1]_. Where the first is above 0.05 the prior has
-        a say, and where the second is below that, the data have little.
+        ``prior_sensitivity``, ``likelihood_sensitivity`` : change of the difference as the prior or
+        the likelihood is raised to a power near 1 [1]_. A prior sensitivity above 0.05 shows that
+        the prior influences the difference; a likelihood sensitivity below 0.05 shows that the data
+        hardly do.
 
-        ``coordinate_spread``, ``prior_coordinate_spread`` : how far specimens of a group differ in
-        each ``coordinate``, a standard deviation, with its interval; and the same beforehand. Where
-        both are alike few specimens have told little of it. Of several strain energies that of the
-        most probable one.
+        ``coordinate_spread``, ``prior_coordinate_spread`` : posterior and prior of the standard
+        deviation of the specimens of a group in each ``coordinate``, each with its interval. If
+        posterior and prior are similar, the specimens are too few to determine the spread. With
+        several strain energies, that of the most probable one.
 
-        ``lacking`` : share of the specimens of a group that have no such quantity, as they do not
-        reach the pressure; they are left out of it.
+        ``lacking`` : fraction of the specimens of a group without the quantity, because they do not
+        reach the pressure. These specimens are left out of the other variables.
 
-        ``draws`` : draws of the values.
+        ``draws`` : posterior draws of ``value``.
 
-        Of pairs also ``effect_size_of_change``, in units of the spread of changes between animals
-        (``spread_of_change``), and ``share_rising``, of animals in which the quantity rises. With
-        covariates also ``covariate_effect`` (covariate, coordinate), of one unit of each.
+        With `pair`, also ``effect_size_of_change``, the difference in units of the spread of
+        changes between animals (``spread_of_change``), and ``share_rising``, the fraction of
+        animals in which the quantity rises. With `covariates`, also ``covariate_effect``
+        (covariate, coordinate), the change of a coordinate per unit of the covariate.
 
-        In its attributes are the tube, and in ``words`` how many differences were looked at: each
-        is judged by itself, and nothing is corrected for their number.
+        The attributes hold the tube (``tube``), the number of differences (``compared``) and a
+        sentence about multiple comparisons (``words``): intervals are not corrected for them.
 
     Warns
     -----
     UserWarning
-        If some specimens lack a quantity, groups and covariates cannot be told apart, or the fit of
-        a class is not to be trusted.
+        If some specimens lack a quantity, groups and covariates are collinear, or the fit of a
+        class is not to be trusted.
 
     Raises
     ------
     TypeError, ValueError
-        If there are fewer than two classes, one of them has one specimen or no variability, a
-        quantity is unknown, a property lacks its pressure, an animal its other half, or a specimen
-        a covariate.
+        If there are fewer than two classes, a class has a single specimen or no variability, a
+        quantity is unknown, a property is given no pressure, an animal lacks a specimen in one of
+        the groups, or a specimen lacks a covariate.
 
     See Also
     --------
@@ -182,20 +198,20 @@ def compare_classes(
 
     Notes
     -----
-    *Estimates* of groups by themselves rest on the distributions that :func:`fit_classes` has
-    fitted. With covariates, and for the Bayes factor, one model holds all groups: with the
-    location ``m``, the spreads ``s`` and the correlation of all,
+    Without covariates and pairs, *estimates* use the distributions that :func:`fit_classes` has
+    fitted to each group. With covariates, and for the Bayes factor, a joint model of all groups is
+    fitted. For two groups with a common location ``m``, common spreads ``s`` and a common
+    correlation matrix, it is
 
     .. math:: m_g = m ± \tfrac12 s \circ δ, \qquad \ln s_g = \ln s ± \tfrac12 τ, \qquad
         δ \sim N(0, a^2), \quad τ \sim N(0, b^2).
 
-    Estimates take ``a = 3`` and ``b = 1``, which says hardly anything; the Bayes factor asks
-    whether there is a difference of about ``a = effect_prior``, ``b = a/2``, against none. With a
-    wide prior it would speak for none whenever a difference is smaller than nearly all that were
-    expected.
+    Estimates use ``a = 3`` and ``b = 1``, a weakly informative prior. The Bayes factor compares
+    ``a = effect_prior``, ``b = a/2`` with the hypothesis ``δ = 0``, ``τ = 0``. A wider prior would
+    favour this hypothesis whenever the difference is small compared with the prior.
 
-    Of *pairs* the middle of both halves and the change are independent, with distributions of
-    their own: ``N(m, Σ)`` and ``N(s ∘ δ, Ω)``.
+    For *pairs*, the mean of the two specimens of an animal and the change between them are
+    independent, with the distributions ``N(m, Σ)`` and ``N(s ∘ δ, Ω)``.
 
     References
     ----------
@@ -246,7 +262,7 @@ def compare_classes(
     scaling = power_scaling(differences(alone), log_prior, log_likelihood)
     result = result.assign(scaling)
     if bayes_factor:
-        apart = Apart(effect_prior, effect_prior * _LOG_SPREAD)
+        apart = Apart(effect_prior, effect_prior * _LOG_SPREAD_RATIO)
         factors = [
             of_law.bayes_factors(apart, count, seed)
             for of_law, seed in zip(by_law, seeds[2::2], strict=True)
@@ -260,45 +276,47 @@ def compare_classes(
 
 
 def _fits(classes: Classes) -> list[xr.DataTree]:
-    """Fitted classes, of each strain energy."""
+    """Return the results of `fit_classes`, one for each strain energy, as a list."""
     if isinstance(classes, xr.DataTree):
         return [classes]
     trees = list(classes.values() if isinstance(classes, Mapping) else classes)
     for tree in trees:
         if not isinstance(tree, xr.DataTree):
             raise TypeError(
-                "classes must be a result of ph.fit_classes, or several of them, of one strain "
-                f"energy each; here is {type(tree).__name__}"
+                "classes must be a result of ph.fit_classes or a list of such results, one for "
+                f"each strain energy; got {type(tree).__name__}"
             )
     if not trees:
-        raise ValueError("there are no classes: expected a result of ph.fit_classes")
+        raise ValueError("classes is empty: expected a result of ph.fit_classes")
     return trees
 
 
 def check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None:
-    """Raise unless these are quantities of all of the kinds."""
+    """Raise unless the names are distinct quantities of classes of every kind."""
     if not names or len(set(names)) < len(names):
         raise ValueError(f"quantity must be one or several different names; got {list(names)}")
     for kind in kinds:
-        known = known_quantities(kind)
+        available = known_quantities(kind)
         for name in names:
-            if name not in known and unit_of(name, kind) is None:
+            if name not in available and unit_of(name, kind) is None:
                 raise ValueError(
-                    f"no quantity is called {name!r}; of {labels_of([kind])[0]} there are {known}, "
-                    "and the logarithm of each, as 'log compliance'"
+                    f"no quantity is called {name!r}; {labels_of([kind])[0]} has the quantities "
+                    f"{available} and the logarithm of each, such as 'log compliance'"
                 )
 
 
 def _size(fitted: xr.DataTree) -> int:
+    """Return the number of posterior draws in all chains."""
     posterior = fitted["posterior"]
     return int(posterior.sizes["chain"] * posterior.sizes["draw"])
 
 
 def _averaged(factors: Sequence[Sequence[Estimate]], laws: Laws) -> dict[str, Any]:
-    """Bayes factors of all laws together.
+    """Return the Bayes factor of each comparison, averaged over strain energies.
 
-    If both hypotheses have the same laws to choose from, equally probable beforehand, what is known
-    of the laws is known under a difference, and the evidences of none follow by the factors.
+    The probabilities of the strain energies come from separate fits of the groups, and so hold
+    under the hypothesis of a difference. Dividing by the Bayes factor of each strain energy gives
+    the evidence of the hypothesis of no difference.
     """
     values, errors = np.moveaxis(np.array(factors), -1, 0)
     log_none = laws.log_probability[:, None] - values
@@ -314,42 +332,45 @@ def _averaged(factors: Sequence[Sequence[Estimate]], laws: Laws) -> dict[str, An
 
 
 def _warn_of_lacking(result: xr.Dataset) -> None:
+    """Warn for each group and quantity that too many specimens lack."""
     lacking = result["lacking"].max("pressure")
     for group in lacking["group"].values:
         for name in lacking["quantity"].values:
             share = float(lacking.sel(group=group, quantity=name))
-            if share > _FEW_LACKING:
+            if share > _MOST_LACKING:
                 warn_user(
-                    f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there, and "
-                    "what is said is that of the others"
+                    f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there; "
+                    "results are those of the other specimens"
                 )
 
 
 def _spreads(
     kind: Variability, distributions: Mapping[str, ClassDistribution], prob: float
 ) -> xr.Dataset:
-    """How far specimens differ in each coordinate, and what was expected of that beforehand."""
+    """Return posterior and prior of the spread between specimens in each coordinate."""
     spread = np.stack([np.asarray(d.spread)[..., 0] for d in distributions.values()])
     values = xr.DataArray(spread, dims=("group", "coordinate", "draw"))
     prior = kind.priors.get("spread") if kind.priors else None
     if prior is None:
         logs, sd = kind.scale.spread_prior
-        drawn = np.exp(logs[:, None] + sd * stats.norm.ppf((np.arange(_PRIOR) + 0.5) / _PRIOR))
+        drawn = np.exp(
+            logs[:, None] + sd * stats.norm.ppf((np.arange(_PRIOR_DRAWS) + 0.5) / _PRIOR_DRAWS)
+        )
     else:
-        drawn = pm.draw(prior, draws=_PRIOR, random_seed=1, mode="FAST_COMPILE")
-        drawn = np.broadcast_to(drawn.reshape(_PRIOR, -1), (_PRIOR, spread.shape[1])).T
-    beforehand = xr.DataArray(drawn, dims=("coordinate", "draw"))
+        drawn = pm.draw(prior, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+        drawn = np.broadcast_to(drawn.reshape(_PRIOR_DRAWS, -1), (_PRIOR_DRAWS, spread.shape[1])).T
+    expected = xr.DataArray(drawn, dims=("coordinate", "draw"))
     found = {
         "coordinate_spread": values.median("draw"),
         "coordinate_spread_interval": interval(values, prob),
-        "prior_coordinate_spread": beforehand.median("draw"),
-        "prior_coordinate_spread_interval": interval(beforehand, prob),
+        "prior_coordinate_spread": expected.median("draw"),
+        "prior_coordinate_spread_interval": interval(expected, prob),
     }
     return xr.Dataset(found, {"group": [*distributions], "coordinate": kind.scale.names})
 
 
 def _effects(groups: Groups, effects: Array | None, prob: float) -> xr.Dataset:
-    """What one unit of each covariate does to the coordinates."""
+    """Return the posterior change of each coordinate per unit of each covariate."""
     covariates = groups.covariates
     dims = "covariate", "coordinate", "draw"
     values = xr.DataArray(np.asarray(effects) / covariates.scale[:, None, None], dims=dims)
@@ -365,7 +386,7 @@ def _effects(groups: Groups, effects: Array | None, prob: float) -> xr.Dataset:
 def _described(
     result: xr.Dataset, by_law: Sequence[Groups], place: Place, laws: Sequence[str], prob: float
 ) -> xr.Dataset:
-    """The result with its units, and in words what it is of."""
+    """Return the result with units, and attributes that describe it."""
     kind, count = by_law[0].kind, result.sizes["quantity"] * result.sizes["comparison"]
     units = [unit_of(name, kind) or "" for name in result["quantity"].values.tolist()]
     result = result.drop_vars("has_ratio").assign_coords(unit=("quantity", units))
@@ -379,8 +400,8 @@ def _described(
         interval=prob,
         compared=count,
         words=(
-            f"{count} differences were looked at, each by itself, and nothing is corrected for "
-            f"that: if there are none, {count * (1 - prob):.2g} of them are expected beyond their "
-            f"{100 * prob:.3g} % intervals"
+            f"{count} differences were compared without a correction for multiple comparisons: if "
+            f"no groups differ, {count * (1 - prob):.2g} of their {100 * prob:.3g} % intervals are "
+            "expected to exclude 0"
         ),
     )

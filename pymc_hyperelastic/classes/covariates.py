@@ -1,4 +1,8 @@
-"""What else is known of specimens: which animal they are of, and covariates."""
+"""Covariates of specimens, and pairs of specimens of the same animal.
+
+Both are read from the data of fitted classes or from tables of the user, for
+:func:`~pymc_hyperelastic.compare_classes`.
+"""
 
 from collections.abc import Hashable, Sequence
 from numbers import Real
@@ -15,59 +19,61 @@ from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import names_of_specimens
 
 Array = NDArray[np.float64]
-# By group, then by specimen.
+# Values by group and specimen.
 OfSpecimens = dict[str, dict[str, Any]]
-# Standard deviation of a covariate, relative to its largest value, up to which it is constant but
-# for rounding errors.
+# Standard deviation of a covariate, relative to its largest value, up to which the covariate is
+# considered constant: rounding errors are smaller.
 _CONSTANT = 1e-12
-# Singular value of the matrix of groups and covariates, relative to the largest, up to which its
-# columns are linearly dependent but for rounding errors.
+# Singular value of the matrix of groups and covariates, relative to the largest one, up to which
+# columns are considered linearly dependent: rounding errors are smaller.
 _DEPENDENT = 1e-9
 
 
 def pairs_of(tree: xr.DataTree, pair: Any) -> list[tuple[Hashable, str, str]]:
-    """Animals, and the specimen of each in the first and in the second group.
+    """Return each animal with its specimens in the first and in the second group.
 
     Raises
     ------
     ValueError
-        If there are more than two groups, or an animal is not once in each.
+        If there are not two groups, or an animal does not have one specimen in each.
     """
     groups = list(tree.children)
     if len(groups) != 2:
-        raise ValueError(f"pairs are those of two groups; here are {groups}")
+        raise ValueError(f"pair needs two groups; got {groups}")
     animals = [
-        [(animal, name) for name, animal in own.items()]
-        for own in _by_specimen(tree, "pair", pair).values()
+        [(animal, name) for name, animal in of_group.items()]
+        for of_group in _by_specimen(tree, "pair", pair).values()
     ]
-    for group, known in zip(groups, animals, strict=True):
-        names = [animal for animal, _ in known]
+    for group, rows in zip(groups, animals, strict=True):
+        names = [animal for animal, _ in rows]
         twice = [animal for animal in names if names.count(animal) > 1]
         if twice:
             raise ValueError(
                 f"animal {twice[0]!r} has several specimens in class {group!r}: "
-                f"{listed(name for animal, name in known if animal == twice[0])}"
+                f"{listed(name for animal, name in rows if animal == twice[0])}"
             )
     first, second = dict(animals[0]), dict(animals[1])
     for own, other, group in ((first, second, groups[1]), (second, first, groups[0])):
         alone = [animal for animal in own if animal not in other]
         if alone:
             raise ValueError(
-                f"animal {alone[0]!r}, specimen {own[alone[0]]!r}, has no other half in class "
-                f"{group!r}: leave it out of both classes"
+                f"animal {alone[0]!r}, specimen {own[alone[0]]!r}, has no specimen in class "
+                f"{group!r}: leave the animal out of both classes"
             )
     return [(animal, name, second[animal]) for animal, name in first.items()]
 
 
 class Covariates:
-    """Numbers of each specimen, standardised, whose effects are linear.
+    """Standardised covariates of each specimen, with categories as indicator variables.
 
     Attributes
     ----------
     names : list of str
-        A category has a name for every one of its values but the first.
+        Names of the covariates; a category has one indicator for each value except the first.
+    middle : array, shape (covariate)
+        Means over all specimens.
     scale : array, shape (covariate)
-        Standard deviations, by which numbers were divided.
+        Standard deviations over all specimens.
     """
 
     def __init__(self, tree: xr.DataTree, given: Any) -> None:
@@ -76,7 +82,7 @@ class Covariates:
             values = given[name] if not isinstance(given, (list, tuple)) else name
             columns |= _as_numbers(name, _by_specimen(tree, name, values))
         self.names = list(columns)
-        places = [(g, s) for g, own in _specimens(tree).items() for s in own]
+        places = [(g, s) for g, names in _specimens(tree).items() for s in names]
         table = np.array([[columns[n][g][s] for n in columns] for g, s in places], float)
         table = table.reshape(len(places), len(columns))
         self.middle, self.scale = table.mean(axis=0), table.std(axis=0)
@@ -89,34 +95,35 @@ class Covariates:
         self._warn_of_groups(standard, [list(tree.children).index(g) for g, _ in places])
 
     def of(self, group: str, specimen: str) -> Array:
-        """Standardised numbers of a specimen."""
+        """Return the standardised covariates of a specimen."""
         return self._rows[group, specimen]
 
     def _warn_of_groups(self, table: Array, group: Sequence[int]) -> None:
-        """Say so if covariates and groups cannot be told apart."""
+        """Warn if groups and covariates are collinear."""
         indicators = np.eye(max(group) + 1)[group]
         both = np.concatenate([indicators, table], axis=1)
         if np.linalg.matrix_rank(both, rtol=_DEPENDENT) < both.shape[1]:
             warn_user(
-                f"the groups, and the covariates {self.names}, cannot be told apart: what is said "
-                "of either rests on their priors"
+                f"the groups and the covariates {self.names} are collinear: their separate effects "
+                "are determined by the priors only"
             )
 
 
 def _specimens(tree: xr.DataTree) -> dict[str, list[str]]:
+    """Return the names of the specimens by group."""
     return {group: names_of_specimens(fitted) for group, fitted in tree.children.items()}
 
 
 def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:
-    """Value of every specimen, from a variable of the data or from a table by specimen."""
+    """Return the value of each specimen, from a variable of the data or from a dict."""
     found: OfSpecimens = {}
     for group, specimens in _specimens(tree).items():
         if isinstance(given, str):
             data = inflation_data_of(tree[group])
             if given not in data.variables or data[given].dims != ("test",):
                 raise ValueError(
-                    f"{what}: the data of class {group!r} have no variable {given!r} by test; name "
-                    "one, or give a dict from specimens to values"
+                    f"{what}: the data of class {group!r} have no variable {given!r} by test; give "
+                    "the name of such a variable, or a dict from specimens to values"
                 )
             parts = specimens_apart(data)
             values = {n: np.unique(parts[n][given].values).tolist() for n in specimens}
@@ -137,22 +144,24 @@ def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:
 
 
 def _as_numbers(name: str, values: OfSpecimens) -> dict[str, OfSpecimens]:
-    """A covariate as numbers; a category as one for every value but the first."""
-    flat = [(g, s, value) for g, own in values.items() for s, value in own.items()]
+    """Return a covariate as numbers; a category as indicators of all values except the first."""
+    flat = [(g, s, v) for g, of_group in values.items() for s, v in of_group.items()]
     numeric = [isinstance(v, (Real, np.bool_)) for _, _, v in flat]
     if all(numeric):
         for group, specimen, value in flat:
             if not np.isfinite(float(value)):
                 raise ValueError(
-                    f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}"
+                    f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}; "
+                    "expected a finite number"
                 )
         return {name: values}
     if any(numeric):
-        raise ValueError(f"covariate {name!r} is a number for some specimens, and none for others")
+        raise ValueError(f"covariate {name!r} is a number for some specimens but not for others")
     levels = sorted({str(v) for _, _, v in flat})
     return {
         f"{name}={level}": {
-            g: {s: float(str(v) == level) for s, v in own.items()} for g, own in values.items()
+            g: {s: float(str(v) == level) for s, v in of_group.items()}
+            for g, of_group in values.items()
         }
         for level in levels[1:]
-    } or {name: {g: dict.fromkeys(own, 0.0) for g, own in values.items()}}
+    } or {name: {g: dict.fromkeys(of_group, 0.0) for g, of_group in values.items()}}

@@ -1,4 +1,7 @@
-"""Differences between groups, draw by draw of their distributions."""
+"""Differences, effect sizes and overlaps of groups for each posterior draw, and their summaries.
+
+Called by :func:`~pymc_hyperelastic.compare_classes`.
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -17,23 +20,25 @@ from pymc_hyperelastic.models.specimen_draws import density_of_each
 Array = NDArray[np.float64]
 
 STATISTICS = ["typical", "mean", "spread"]
-# Points of a grid on which distributions of a quantity over specimens are compared.
-_GRID = 128
-# Widths by which the grid reaches beyond the specimens.
-_BEYOND = 4.0
-# Width of a density, relative to the quantity, at least.
-_SMALLEST = 1e-9
+# Number of grid points for the overlap of two kernel density estimates.
+_GRID_POINTS = 128
+# Distance from the outermost specimens to the ends of the grid, in bandwidths: a normal kernel is
+# negligible there.
+_GRID_MARGIN = 4.0
+# Smallest standard deviation of specimens relative to their mean: for equal values the kernel
+# density estimate would have no width.
+_SMALLEST_SPREAD = 1e-9
 
 
 def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], place: Place) -> xr.Dataset:
-    """All that is compared, by draw of the distributions of the groups."""
+    """Return statistics and overlaps of the groups for each draw of their distributions."""
     groups, kind = of_law.groups, of_law.kind
     values = np.stack(
         [np.stack([*values_of(kind, found.coordinates[g], names, place).values()]) for g in groups]
     )  # (group, quantity, pressure, draw, specimen)
     typical, others = values[..., 0], values[..., 1:]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack it
+        warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
         statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
     places = list(combinations(range(len(groups)), 2))
     of_comparison = "comparison", "quantity", "pressure", "draw"
@@ -80,31 +85,32 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], place: Plac
 
 
 def _overlap(both: Array) -> Array:
-    r"""Overlap ``∫ min(f, g)`` of two distributions of a quantity, by specimens (2, ..., specimen).
+    r"""Return the overlap ``∫ min(f, g)`` of two groups of specimens, shape (2, ..., specimen).
 
-    Their densities are sums of normal ones around the specimens, of which Silverman says how wide
-    they are. Specimens are drawn together, so that the variance stays what it was. Those without
-    the quantity are alike in that.
+    ``f`` and ``g`` are normal kernel density estimates with Silverman's bandwidth, of logarithms if
+    all values are positive. Specimens are shrunk towards their mean, so that the variance of the
+    estimate is that of the specimens. The smaller of the two fractions of specimens without the
+    quantity counts as overlap.
     """
     if np.nanmin(both) > 0:
         both = np.log(both)
     count = both.shape[-1]
     width = 1.06 * count**-0.2
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # all of them may lack it
+        warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
         mean, sd = (f(both, axis=-1, keepdims=True) for f in (np.nanmean, np.nanstd))
-        sd = np.maximum(sd, _SMALLEST * np.abs(mean))
+        sd = np.maximum(sd, _SMALLEST_SPREAD * np.abs(mean))
         x, width = mean + (both - mean) / np.hypot(1, width), width * sd / np.hypot(1, width)
-        low = np.nanmin(x - _BEYOND * width, axis=(0, -1))
-        high = np.nanmax(x + _BEYOND * width, axis=(0, -1))
-        grid = np.linspace(low, high, _GRID)
+        low = np.nanmin(x - _GRID_MARGIN * width, axis=(0, -1))
+        high = np.nanmax(x + _GRID_MARGIN * width, axis=(0, -1))
+        grid = np.linspace(low, high, _GRID_POINTS)
         density = [
             np.nansum(stats.norm.pdf(grid[..., None], x[k], width[k]), axis=-1) / count
             for k in range(2)
         ]
     shared = np.minimum(*density).sum(axis=0) * (grid[1] - grid[0])
     lacking = np.isnan(both).mean(axis=-1)
-    # A group of which no specimen has the quantity shares no value with the other.
+    # If no specimen of one group has the quantity, no value is shared.
     shared = np.where((lacking == 1).any(axis=0), 0.0, shared)
     return shared + lacking.min(axis=0)
 
@@ -112,9 +118,10 @@ def _overlap(both: Array) -> Array:
 def _overlap_of_specimens(
     coordinates: Sequence[Array], distributions: Sequence[ClassDistribution]
 ) -> Array:
-    """Overlap of the two distributions of specimens themselves, by draw.
+    """Return the overlap of the densities ``f`` and ``g`` of all coordinates, for each draw.
 
-    It is the mean of ``min(1, g/f)`` over specimens of ``f``, and the other way round.
+    The estimate is the mean of ``min(1, g/f)`` over specimens of ``f``, averaged with the mean of
+    ``min(1, f/g)`` over specimens of ``g``.
     """
     found = []
     for own, other in ((0, 1), (1, 0)):
@@ -125,7 +132,7 @@ def _overlap_of_specimens(
 
 
 def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
-    """What the draws say of each group, and of each pair of them."""
+    """Return posterior medians, standard deviations and intervals of groups and comparisons."""
     draws = by_draw["draws"]
     first, second = both(by_draw)
     difference = second - first
@@ -147,7 +154,7 @@ def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
             found |= {name: by_draw[name] for name in ("spread_of_change", "share_rising")}
     result = xr.Dataset()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what is not there has no median
+        warnings.simplefilter("ignore", RuntimeWarning)  # a quantity may be NaN in all draws
         for name, values in found.items():
             result[name] = values.median("draw")
             result[f"{name}_sd"] = values.std("draw", ddof=1)
@@ -162,7 +169,7 @@ def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
 
 
 def both(result: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
-    """Draws of the first and of the second group of each comparison."""
+    """Return draws of the first and of the second group of each comparison."""
     first, second = (
         result["draws"].sel(group=result[name].drop_vars(["first", "second"])).drop_vars("group")
         for name in ("first", "second")
@@ -171,12 +178,12 @@ def both(result: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
 
 
 def differences(result: xr.Dataset) -> xr.DataArray:
-    """Draws of the difference of each comparison."""
+    """Return draws of ``second − first`` for each comparison."""
     first, second = both(result)
     return second - first
 
 
 def interval(values: xr.DataArray, prob: float) -> xr.DataArray:
-    """Ends of an interval with equal tails."""
+    """Return the ends of the equal-tailed interval with probability `prob`."""
     ends = values.quantile([(1 - prob) / 2, (1 + prob) / 2], "draw").rename(quantile="bound")
     return ends.assign_coords(bound=["low", "high"]).transpose(..., "bound")

@@ -1,4 +1,4 @@
-"""How different two classes are."""
+"""Kullback-Leibler divergence between the posteriors of two classes."""
 
 import numpy as np
 import xarray as xr
@@ -12,29 +12,29 @@ from pymc_hyperelastic.parallel import one_thread
 
 @one_thread
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
-    r"""Kullback-Leibler divergence of the posterior of one class from that of another, in nats.
+    r"""Compute the Kullback-Leibler divergence from the posterior of one class to another's.
 
     .. math:: KL = \int P(θ | C_1) \ln \frac{P(θ | C_1)}{P(θ | C_2)} \, dθ
 
-    Both densities are known with their normalisers, the evidences, so that the integral is a mean
-    over the particles of the first class; no density is estimated.
+    Both densities are normalised with the evidences. The integral is therefore the mean of their
+    log ratio over the posterior draws of the first class, and no density is estimated from draws.
 
     Parameters
     ----------
     classes : xarray.DataTree
-        Result of :func:`fit_classes`.
+        Result of :func:`fit_classes` without variability.
     first, second : str
-        Names of the classes. The divergence is not symmetric.
+        Names of the classes ``C₁`` and ``C₂``. The divergence is not symmetric.
 
     Returns
     -------
     Estimate
-        The pair (value, standard error).
+        The pair (value, standard error), in nats.
 
     Raises
     ------
     ValueError
-        If a class is unknown or the classes are not of one model.
+        If a class is unknown, the classes are not of one model, or they have variability.
 
     See Also
     --------
@@ -50,7 +50,9 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     kind = kind_of_classes(classes)
     for name in (first, second):
         if name not in classes.children:
-            raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
+            raise ValueError(
+                f"there is no class {name!r}; the classes are {list(classes.children)}"
+            )
     evidences = [log_evidence(classes[name]) for name in (first, second)]
     log_posteriors = [
         kind.log_density(classes[name], classes[first]) - evidence.value
@@ -60,7 +62,7 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     chains = classes[first]["posterior"].sizes["chain"]
     variance = sum(evidence.standard_error**2 for evidence in evidences)
     if spread := np.var(difference):
-        # Particles that were resampled from one are not independent.
+        # Particles with a common ancestor are correlated: use the effective sample size.
         variance += spread / ess(difference.reshape(chains, -1), method="mean")
     if first == second:
         variance = 0.0

@@ -1,4 +1,4 @@
-"""What drives a classification."""
+"""Shapley values of a classification: which parts of the model or data drive it."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -23,44 +23,45 @@ def explain_classification(
     random_seed: Any = None,
     progressbar: bool = True,
 ) -> xr.Dataset:
-    r"""Divide the log ratio of a class and its most probable rival into what it is made of.
+    r"""Divide the log evidence ratio of a class and its most probable rival into Shapley values.
 
-    With the log evidence ``v(S)`` of a specimen under a class of which the set ``S`` of parts, out
-    of ``n``, is exchanged for those of the rival, the part ``j`` is its Shapley value [1]_,
+    Let ``v(S)`` be the log evidence of a specimen under a class in which the set ``S`` of the ``n``
+    parts is replaced with the parts of the rival. The contribution of part ``j`` is its Shapley
+    value [1]_,
 
     .. math:: φ_j = \sum_{S \not\ni j} \frac{|S|! \, (n - 1 - |S|)!}{n!} \,
         \bigl[v(S) - v(S \cup \{j\})\bigr], \qquad
         \sum_j φ_j = \ln\frac{P(D | C)}{P(D | C_{\mathrm{rival}})}
 
-    the mean change over all orders in which parts can be exchanged. It is positive where the part
-    speaks for the class.
+    the mean change over all orders in which parts can be replaced. It is positive if the part
+    favours the class.
 
     With variability the parts are ``"material"`` (location, spreads and correlation of the
-    coordinates), ``"experiments"`` (how much those on a specimen differ) and ``"noise"`` (its
-    size), as far as the classes have them. Without, they are the measured signals ``"pressure"``,
-    ``"slope"`` and ``"force"``.
+    coordinates), ``"experiments"`` (spread between experiments on a specimen) and ``"noise"`` (size
+    of the measurement error), as far as the classes have them. Without variability, they are the
+    measured signals ``"pressure"``, ``"slope"`` and ``"force"``.
 
     Parameters
     ----------
     new_data, classes, by, class_prior, average_over, random_seed, progressbar
-        As given to :func:`classify`: with the same seed the evidences are the same.
+        As in :func:`classify`; the same seed gives the same evidences.
 
     Returns
     -------
     xarray.Dataset
         ``rival`` (test or specimen, class_label), the most probable other class, and
-        ``log_ratio_part`` (..., class_label, part) in nats; NaN where one of the evidences is not
-        to be trusted, or known no better than to half a nat.
+        ``log_ratio_part`` (test or specimen, class_label, part), the Shapley values in nats; NaN if
+        an evidence is unreliable or its standard error exceeds half a nat.
 
     Warns
     -----
     UserWarning
-        If something cannot be judged.
+        If the evidences of a row cannot be computed.
 
     Raises
     ------
     TypeError, ValueError
-        As :func:`classify`; if there is one class alone.
+        As in :func:`classify`, or if there is only one class.
 
     See Also
     --------
@@ -68,11 +69,11 @@ def explain_classification(
 
     Notes
     -----
-    A signal is exchanged when the rival predicts it by itself, and the class the others: ``v`` is
-    then the sum of two log evidences, each of its own signals. Slopes are differences of the same
-    pressures. Beside these they are what they add to the likelihood; without them they count as
-    numbers by themselves, with the errors that the likelihood gives each. What the two say alike is
-    divided between them.
+    If signals are the parts, ``v(S)`` is the sum of two log evidences: that of the signals in ``S``
+    under the rival, and that of the other signals under the class. Slopes are differences of the
+    measured pressures. Together with the pressures, the slopes enter with their term of the
+    likelihood; without the pressures, they count as independent measurements with the errors that
+    the likelihood assigns. Information that pressures and slopes share is divided between them.
 
     References
     ----------
@@ -103,8 +104,8 @@ def explain_classification(
     )
     if len(classification.names) < 2:
         raise ValueError(
-            f"classes holds {classification.names[0]!r} alone: a classification is explained by "
-            "what tells a class from another"
+            f"classes holds only {classification.names[0]!r}: an explanation compares evidences of "
+            "two classes or more"
         )
     classification.check_new(new_data)
     with (progress := create_simple_progress(progressbar)):

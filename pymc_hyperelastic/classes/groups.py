@@ -1,4 +1,8 @@
-"""The distributions of groups of specimens under one law: by themselves, in pairs, or together."""
+"""Distributions of groups of specimens under one strain energy, and Bayes factors between groups.
+
+Groups are fitted separately, jointly with covariates, or as pairs of specimens of the same animals.
+:func:`~pymc_hyperelastic.compare_classes` compares the draws.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -22,28 +26,31 @@ from pymc_hyperelastic.predictions.members import names_of_specimens, stored_dra
 
 Array = NDArray[np.float64]
 
-# How far groups are apart beforehand where differences are estimated: anywhere.
-_ANY = Apart(location=3.0, log_spread=1.0)
-# Draws of a specimen by which the likelihood of its class is known well enough to be raised to
-# powers near 1.
-_SOME = 512
+# Weakly informative prior of differences between groups, for estimates: three spreads between
+# specimens is more than groups usually differ.
+_WEAK_PRIOR = Apart(location=3.0, log_spread=1.0)
+# Number of draws of each specimen with which the log likelihood of a class is computed for prior
+# and likelihood sensitivities, which need no high accuracy.
+_SENSITIVITY_DRAWS = 512
 
 
 class GroupDraws(NamedTuple):
-    """Draws of the distributions of groups."""
+    """Posterior draws of the distributions of groups, and coordinates of specimens."""
 
     distributions: dict[str, ClassDistribution]
-    """Of each group by itself."""
+    """Distribution of each group."""
     coordinates: dict[str, Array]
-    """Of specimens (coordinate, draw, specimen), the first of which is the typical one."""
+    """Coordinates of specimens by group, shape (coordinate, draw, specimen); the first specimen is
+    the typical one."""
     powers: Array
-    """Log prior and log likelihood (2, draw)."""
+    """Log prior and log likelihood of each draw, shape (2, draw)."""
     effects: Array | None = None
-    """Of one standard deviation of each covariate (covariate, coordinate, draw)."""
+    """Change of coordinates per standard deviation of each covariate, shape (covariate, coordinate,
+    draw)."""
 
 
 class Groups:
-    """Groups of specimens under one law: by themselves, in pairs, or with covariates."""
+    """Groups of specimens under one strain energy, separate, paired or with covariates."""
 
     def __init__(
         self,
@@ -58,29 +65,34 @@ class Groups:
         self.pairs = pairs_of(tree, pair) if pair is not None else []
         if self.pairs and kind.experiment_effect:
             raise ValueError(
-                "pairs are compared of classes without experiment_effect: fit them without"
+                "classes with an experiment effect cannot be compared in pairs: fit the classes "
+                "with experiment_effect=False, or leave out pair"
             )
 
     @property
     def comparisons(self) -> list[tuple[str, str]]:
-        """Pairs of groups."""
+        """All pairs of groups."""
         return list(combinations(self.groups, 2))
 
     def by_draw(self, count: int, specimens: int, seed: np.random.SeedSequence) -> GroupDraws:
-        """Draws of the distributions of all groups, with so many specimens of each."""
+        """Return `count` posterior draws of all groups, with `specimens` specimens per draw."""
         size = len(self.kind.scale.names)
         if self.pairs:
-            joint, units = self._joint(["pairs"], _ANY), {"pairs": self._paired_units()}
+            joint, units = self._joint(["pairs"], _WEAK_PRIOR), {"pairs": self._paired_units()}
             fitted = joint.fit(units, count, 1, seed)
             middle, change = joint.distributions(fitted, count)["pairs"]
-            powers = log_prior_and_likelihood(joint.kernel(units, _SOME), fitted, count)
+            powers = log_prior_and_likelihood(
+                joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
+            )
             standard = standard_specimens(2 * size, specimens)
             return _of_pairs(self.groups, middle, change, standard, powers)
         standard = standard_specimens(size, specimens)
         if self.covariates.names:
-            joint, units = self._joint(self.groups, _ANY), self._units(self.groups)
+            joint, units = self._joint(self.groups, _WEAK_PRIOR), self._units(self.groups)
             fitted = joint.fit(units, count, 1, seed)
-            powers = log_prior_and_likelihood(joint.kernel(units, _SOME), fitted, count)
+            powers = log_prior_and_likelihood(
+                joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
+            )
             distributions = {g: d for g, (d,) in joint.distributions(fitted, count).items()}
             effects = np.array(next(iter(distributions.values())).effects)[..., 0]
             distributions = {g: d.without_effects() for g, d in distributions.items()}
@@ -92,17 +104,20 @@ class Groups:
         return GroupDraws(distributions, coordinates, powers, effects)
 
     def _powers(self, group: str, count: int) -> Array:
-        """Log prior and log likelihood of draws of one group's distribution."""
+        """Return log prior and log likelihood at draws of one group's distribution."""
         fitted = self.tree[group]
-        few = {n: self._draws(group, n).first(_SOME) for n in names_of_specimens(fitted)}
-        return log_prior_and_likelihood(ClassModel(self.kind).kernel(few, 1), fitted, count)
+        draws = {
+            n: self._draws(group, n).first(_SENSITIVITY_DRAWS) for n in names_of_specimens(fitted)
+        }
+        return log_prior_and_likelihood(ClassModel(self.kind).kernel(draws, 1), fitted, count)
 
     def bayes_factors(
         self, apart: Apart, count: int, seed: np.random.SeedSequence
     ) -> list[Estimate]:
-        """Logarithms of the evidence of a difference against that of none, by comparison."""
+        """Return the log Bayes factor of a difference against none, for each comparison."""
         found = []
-        for pair, own in zip(self.comparisons, seed.spawn(len(self.comparisons)), strict=True):
+        seeds = seed.spawn(len(self.comparisons))
+        for pair, seed_of_pair in zip(self.comparisons, seeds, strict=True):
             if self.pairs:
                 units = {"pairs": self._paired_units()}
                 both = [
@@ -116,8 +131,8 @@ class Groups:
                     (together, self._joint(["all"], None)),
                 ]
             evidences = [
-                log_evidence(joint.fit(known, count, 1, its))
-                for (known, joint), its in zip(both, own.spawn(2), strict=True)
+                log_evidence(joint.fit(data, count, 1, seed_of_fit))
+                for (data, joint), seed_of_fit in zip(both, seed_of_pair.spawn(2), strict=True)
             ]
             (value, error), (of_none, error_of_none) = evidences
             found.append(Estimate(value - of_none, float(np.hypot(error, error_of_none))))
@@ -155,7 +170,10 @@ def _of_pairs(
     standard: Array,
     powers: Array,
 ) -> GroupDraws:
-    """Both groups of pairs; a specimen of one and of the other are of the same animal."""
+    """Return draws of both groups from those of the mean and the change of each animal.
+
+    Specimens with the same index belong to the same animal.
+    """
     size = middle.size
     effects = np.array(middle.effects)[..., 0] if len(middle.effects) else None
     of_middle = middle.coordinates(standard[:, :size].T)
@@ -175,23 +193,23 @@ def _of_pairs(
 
 
 def kind_of_groups(tree: xr.DataTree) -> Variability:
-    """The kind of classes, whose specimens have to differ."""
+    """Return the kind of the classes; ValueError unless it models variability of specimens."""
     return kind_of_variable_classes(
         tree, "groups are compared by the distributions of their specimens"
     )
 
 
 def groups_of(trees: Sequence[xr.DataTree]) -> list[str]:
-    """Names of the groups: two or more, of two specimens or more."""
+    """Return the names of the groups; ValueError unless there are two, of two specimens each."""
     groups = list(trees[0].children)
     if len(groups) < 2:
-        raise ValueError(f"two classes or more can be compared; here is {groups}")
+        raise ValueError(f"a comparison needs at least two classes; got {groups}")
     for tree in trees:
         for name in groups:
             specimens = names_of_specimens(tree[name])
             if len(specimens) < 2:
                 raise ValueError(
-                    f"class {name!r} has one specimen, {specimens[0]!r}: how far its specimens "
-                    "differ is not known, and nothing can be said of a difference"
+                    f"class {name!r} has one specimen, {specimens[0]!r}: a comparison needs "
+                    "at least two, to estimate the spread between specimens"
                 )
     return groups

@@ -1,4 +1,4 @@
-"""How well classes predict specimens that they were not fitted to."""
+"""Cross-validation of classes: classify specimens by classes that were fitted without them."""
 
 import json
 import warnings
@@ -53,58 +53,61 @@ def calibration_report(
     progressbar: bool = True,
     store: str | Path | None = None,
 ) -> xr.Dataset:
-    r"""Leave specimens out, one after another, and classify them by all others.
+    r"""Leave out specimens in turn, and classify them by classes fitted to the other specimens.
 
-    Probabilities of classes can be trusted if specimens that took no part in a fit belong to a
-    class as often as they are said to. Posteriors of the classes, and probabilities of strain
-    energies, rest on the other specimens alone. With variability the starting points and proposals
-    of a fit are made once, from all specimens: they change its error, and not what it estimates.
+    Class probabilities are calibrated if, among left-out specimens with probability ``p`` of a
+    class, a fraction ``p`` belongs to it. The posteriors of the classes and the probabilities of
+    strain energies do not depend on the specimens that are left out. With variability, starting
+    points and proposals of the fits are computed once from all specimens: they influence the errors
+    of the results, but not their expectations.
 
     Parameters
     ----------
     energy : StrainEnergy or sequence of StrainEnergy
-        The material, or a list of layers as in :func:`fit_classes`; with several of these, each by
-        itself and the average of all, in which each counts by the evidence of the specimens that
-        are not left out. The p-value of the average is the mean of the laws' p-values by their
-        probabilities. Laws of one class of energies, such as ``OgdenSeries(1)`` and
-        ``OgdenSeries(2)``, are labelled with their settings.
+        The material, or a list of layers as in :func:`fit_classes`. With several strain energies,
+        results are computed for each of them and for their average, weighted with the evidences of
+        the specimens that are not left out; p-values are averaged with the same weights. Strain
+        energies of one type, such as ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with
+        their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
-    likelihood, variability, experiment_effect, reference_stress
+    likelihood, variability, experiment_effect, reference_stress, priors, geometry
         See :func:`~pymc_hyperelastic.fit_classes`.
-    priors, geometry
-        Likewise.
     leave_out : dict of str to hashable, optional
-        By specimen, what it belongs to: specimens of one animal, say, are left out together. Each
-        specimen by itself when missing.
-    draws, chains : int
-        Draws of the posterior of each class.
+        Label of the group of each specimen, such as its animal: specimens of one group are left out
+        together. By default each specimen is left out separately.
+    draws : int, default 1000
+        Number of posterior draws of each class per chain, at least 100.
+    chains : int, default 1
+        Number of independent chains.
     random_seed : int, optional
-        The same seed gives the same result.
+        Seed of the random numbers; the same seed gives the same result.
     progressbar : bool
-        Whether to show progress. After an interrupt what is not yet known is NaN.
+        Whether to show progress. After an interrupt, results that are not yet computed are NaN.
     store : str or Path, optional
-        A folder that keeps what is computed, fit after fit: the same call goes on from there.
+        Folder in which the results of each fit are stored. After an interrupt, the same call
+        continues from there.
 
     Returns
     -------
     xarray.Dataset
-        ``class_probability`` and ``log_evidence`` (strain_energy, specimen, class_label),
-        ``log_score``, ``brier_score`` and ``verdict``, how far the fits without the specimen can be
-        trusted, (strain_energy, specimen) and, of specimens under classes
-        with variability, ``p_value``. With several strain energies the last one is ``"average"``,
-        and ``strain_energy_probability`` (specimen, strain_energy) tells of what, with the standard
-        error ``strain_energy_probability_se``. Coordinates of
-        a specimen are ``true_class`` and ``left_out``. What
-        :func:`~pymc_hyperelastic.score_probabilities` takes, and
-        :func:`~pymc_hyperelastic.plot_reliability` shows, is in here.
+        ``class_probability`` and ``log_evidence`` (strain_energy, specimen, class_label), and
+        ``log_score``, ``brier_score`` and ``verdict`` (strain_energy, specimen), the last of which
+        is the reliability of the fits without the specimen. With variability also ``p_value``
+        (strain_energy, specimen, class_label). With several strain energies, the last entry of
+        ``strain_energy`` is ``"average"``, and the weights are ``strain_energy_probability``
+        (strain_energy, specimen) with the standard errors ``strain_energy_probability_se``.
+        Specimens have the coordinates ``true_class`` and ``left_out``, their group. Log evidences
+        and log scores are in nats. For one strain energy, ``class_probability`` and ``true_class``
+        can be passed to :func:`~pymc_hyperelastic.score_probabilities`, and its result to
+        :func:`~pymc_hyperelastic.plot_reliability`.
 
     Raises
     ------
     TypeError, ValueError
-        If anything is wrong with the data, priors or numbers, a specimen stands in two classes or
-        not in `leave_out`, a curve under two specimens that are not left out together, or a class
-        has no specimen left.
+        If data, priors or numbers are invalid, a specimen is in two classes or not in `leave_out`,
+        two specimens that are not left out together have the same curve, or a class would have no
+        specimen left.
 
     See Also
     --------
@@ -131,7 +134,7 @@ def calibration_report(
     check_classes(classes)
     for data in classes.values():
         check_inflation_data(data)
-    # Names that are numbers are compared with the keys of `leave_out`, and with results, as text.
+    # Names of specimens may be numbers: convert them to text, as in `leave_out` and in results.
     classes = {
         name: data.assign_coords(specimen=data["specimen"].astype(str))
         for name, data in classes.items()
@@ -188,7 +191,7 @@ def _manifest(
 
 
 def _walls(energy: Any) -> list[Any]:
-    """The materials, or walls of layers, of which each is tried; layers alone are one wall."""
+    """Return the list of materials or walls; a sequence that contains a Layer is a single wall."""
     several = isinstance(energy, list | tuple)
     walls = list(energy) if several and not any(isinstance(e, Layer) for e in energy) else [energy]
     if not walls:
@@ -199,14 +202,14 @@ def _walls(energy: Any) -> list[Any]:
 
 
 def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
-    """Class of each specimen."""
+    """Return the class of each specimen; ValueError if a name occurs in two classes."""
     true_class: dict[str, str] = {}
     for name, data in classes.items():
         for specimen in dict.fromkeys(data["specimen"].values.tolist()):
             if specimen in true_class:
                 raise ValueError(
-                    f"specimen {specimen!r} stands in the classes {true_class[specimen]!r} and "
-                    f"{name!r}: give each specimen a name of its own"
+                    f"specimen {specimen!r} is in the classes {true_class[specimen]!r} and "
+                    f"{name!r}: give each specimen a unique name"
                 )
             true_class[specimen] = name
     return true_class
@@ -215,41 +218,46 @@ def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
 def _units(
     true_class: Mapping[str, str], leave_out: Mapping[str, Hashable] | None
 ) -> dict[str, Hashable]:
-    """What each specimen is left out with."""
+    """Return the label of the group with which each specimen is left out."""
     if leave_out is None:
         return {specimen: specimen for specimen in true_class}
     if not isinstance(leave_out, Mapping):
         raise TypeError(
-            "leave_out must be a dict of specimens to what they belong to, not "
+            "leave_out must be a dict from names of specimens to labels of their groups, not "
             f"{type(leave_out).__name__}"
         )
     units = {str(specimen): unit for specimen, unit in leave_out.items()}
     lacking = [specimen for specimen in true_class if specimen not in units]
     if lacking:
-        raise ValueError(f"leave_out does not say to what the specimen {lacking[0]!r} belongs")
+        raise ValueError(
+            f"leave_out has no label for specimen {lacking[0]!r}: give one for each specimen"
+        )
     return {specimen: units[specimen] for specimen in true_class}
 
 
 def _check_left(
     classes: Mapping[str, xr.Dataset], true_class: Mapping[str, str], units: Mapping[str, Hashable]
 ) -> None:
-    """Raise unless each class has a specimen without those that are left out."""
+    """Raise ValueError if a class consists of specimens that are left out together."""
     for unit in dict.fromkeys(units.values()):
         for name in classes:
             left = [s for s, c in true_class.items() if c == name and units[s] != unit]
             if not left:
-                raise ValueError(f"class {name!r} has no specimen left without {unit!r}")
+                raise ValueError(
+                    f"class {name!r} has no specimen left without {unit!r}: a class needs at least "
+                    "one specimen that is not left out"
+                )
 
 
-class _Found(NamedTuple):
-    """What is said of specimens left out, by law, specimen and class; NaN where not yet known."""
+class _Results(NamedTuple):
+    """Predictions of left-out specimens, shape (law, specimen, class); NaN if not yet computed."""
 
     log_evidence: Array
     p_value: Array
     training: Array
-    """Log evidence of all other specimens and its standard error, by law and specimen."""
+    """Log evidence of all other specimens and its standard error, shape (law, specimen, 2)."""
     verdict: NDArray[np.str_]
-    """How far that can be trusted."""
+    """Reliability of the training evidence, shape (law, specimen)."""
 
 
 def _leave_out_each(
@@ -262,11 +270,11 @@ def _leave_out_each(
     seeds: Sequence[np.random.SeedSequence],
     progressbar: bool,
     remember: Remember,
-) -> _Found:
-    """Fit and classify, one law after another and one unit after another."""
+) -> _Results:
+    """Fit without each unit in turn, for each strain energy, and classify its specimens."""
     specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
     shape = len(kinds), len(specimens), len(classes)
-    found = _Found(
+    found = _Results(
         np.full(shape, np.nan),
         np.full(shape, np.nan),
         np.full((*shape[:2], 2), np.nan),
@@ -297,7 +305,10 @@ def _leave_out_each(
 
 
 class _Folds:
-    """What is said of specimens that are left out together; what is common is done when needed."""
+    """Results of one strain energy for each group of left-out specimens, stored once computed.
+
+    The setup that is common to all fits is done at the first fit that is not stored.
+    """
 
     def __init__(
         self,
@@ -335,13 +346,13 @@ class _Folds:
 
 
 def _tabulate(
-    found: _Found,
+    found: _Results,
     labels: list[str],
     names: list[str],
     true_class: Mapping[str, str],
     units: Mapping[str, Hashable],
 ) -> xr.Dataset:
-    """Tables by law, specimen and class; of several laws the average as well."""
+    """Return tables by law, specimen and class; with several laws also their average."""
     value, p_value, training, verdict = found
     specimens = list(true_class)
     extra = {}
@@ -382,12 +393,12 @@ def _tabulate(
 
 
 def _with_scores(report: xr.Dataset) -> xr.Dataset:
-    """The report with the log score and Brier score of each specimen."""
+    """Return the report with the log score and Brier score of each specimen."""
     probability = report["class_probability"]
-    known = probability.notnull().all("class_label")
-    chance = xr.where(known, probability.sel(class_label=report["true_class"]), np.nan)
-    hit = (report["class_label"] == report["true_class"]).astype(float)
+    computed = probability.notnull().all("class_label")
+    of_truth = xr.where(computed, probability.sel(class_label=report["true_class"]), np.nan)
+    truth = (report["class_label"] == report["true_class"]).astype(float)
     with np.errstate(divide="ignore"):
-        report["log_score"] = np.log(chance).drop_vars("class_label")
-    report["brier_score"] = ((probability - hit) ** 2).sum("class_label", skipna=False)
+        report["log_score"] = np.log(of_truth).drop_vars("class_label")
+    report["brier_score"] = ((probability - truth) ** 2).sum("class_label", skipna=False)
     return report

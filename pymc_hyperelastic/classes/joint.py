@@ -1,4 +1,8 @@
-"""The distributions of several groups at once: covariates, pairs, and whether they are one."""
+"""Joint model of the distributions of several groups, with covariates or pairs of specimens.
+
+:func:`~pymc_hyperelastic.compare_classes` uses its posteriors for estimates, and its evidences for
+Bayes factors.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,43 +38,51 @@ from pymc_hyperelastic.models.specimen_draws import (
 
 Array = NDArray[np.float64]
 
-# Draws that stand for a unit at first, and distributions by which it is known how many are needed.
-_AT_FIRST, _DISTRIBUTIONS = 256, 200
+# Number of draws of each unit in the first fit, as for the specimens of a class; more are used if
+# the evidence needs them.
+_FIRST_DRAWS = 256
+# Number of posterior draws of the distributions from which the error of the evidence is estimated:
+# enough to decide how many draws of each unit are needed.
+_DISTRIBUTIONS = 200
 
 
 class Apart(NamedTuple):
-    """How far apart groups are beforehand: standard deviations of differences between two."""
+    """Prior standard deviations of differences between two groups."""
 
     location: float
-    """Of the location, in spreads."""
+    """Prior standard deviation of the difference of locations, in units of the common spread."""
     log_spread: float
+    """Prior standard deviation of the difference of the logarithms of spreads."""
 
 
 class Unit(NamedTuple):
-    """Draws of what is one specimen, or a pair of them, in one or two parts."""
+    """Weighted draws of one specimen, or of the mean and the change of a pair of specimens."""
 
     parts: tuple[SpecimenDraws, ...]
+    """Draws of the specimen, or of the mean and of the change of a pair."""
     log_weight: Array
+    """Logarithms of the importance weights, shape (draw)."""
     standard_error: float
+    """Standard error of the logarithm of the sum of the weights."""
 
     def first(self, count: int) -> "Unit":
-        """So many of the draws, in place of all."""
-        lost = np.log(len(self.log_weight) / count)
+        """Return the first `count` draws, with weights scaled to represent all draws."""
+        correction = np.log(len(self.log_weight) / count)
         parts = tuple(part.first(count) for part in self.parts)
-        return Unit(parts, self.log_weight[:count] + lost, self.standard_error)
+        return Unit(parts, self.log_weight[:count] + correction, self.standard_error)
 
 
 def unit_of_specimen(draws: SpecimenDraws, covariates: Array) -> Unit:
-    """A specimen with its covariates."""
-    own = replace(draws, covariates=covariates)
-    return Unit((own,), draws.log_weight, draws.standard_error)
+    """Return the draws of a specimen, with its covariates, as a unit."""
+    part = replace(draws, covariates=covariates)
+    return Unit((part,), draws.log_weight, draws.standard_error)
 
 
 def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array) -> Unit:
-    """The same animal twice: the middle of both, and the change from the first to the second.
+    """Return draws of the mean of two specimens of an animal, and of the change between them.
 
-    `covariates` are those of the first and of the second. Draws of both are independent, and
-    joined one by one.
+    The draws of the two specimens are independent, and are combined one by one. `covariates` has
+    the shape (specimen, covariate), with the rows in the order of the specimens.
     """
     count = min(len(first.log_weight), len(second.log_weight))
     first, second = first.first(count), second.first(count)
@@ -92,27 +104,31 @@ def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array)
 class Joint:
     r"""Model of the distributions of several groups.
 
-    With a location ``m``, spreads ``s`` and a correlation that are common to all, group ``g`` has
+    With a location ``m``, spreads ``s`` and a correlation matrix common to all groups, group ``g``
+    has
 
     .. math:: m_g = m + s \circ \sum_k c_{gk} δ_k, \qquad
         \ln s_g = \ln s + \sum_k c_{gk} τ_k, \qquad δ_k \sim N(0, a^2), \; τ_k \sim N(0, b^2),
 
-    by contrasts ``c`` for which every two groups differ by ``a`` spreads, and by ``b`` in their
-    logarithm. Effects of covariates are common to all.
+    with contrasts ``c`` such that differences between any two groups have the prior standard
+    deviation ``a`` in units of ``s`` for the location, and ``b`` for the logarithm of the spread.
+    Effects of covariates are common to all groups.
 
-    Of pairs the middle of both and the change are independent, each with a distribution of its own;
-    the location of the change is ``s ∘ δ``.
+    For pairs, the mean of the two specimens and the change between them are independent, with
+    separate distributions; the location of the change is ``s ∘ δ``.
 
     Attributes
     ----------
     population : Population
         Settings of the classes.
     groups : sequence of str
-        Names of the groups; one if all are the same.
+        Names of the groups; a single name if all specimens have one distribution.
     apart : Apart or None
-        None if they are the same.
+        Prior of the differences between groups; None for groups without differences.
     covariates : sequence of str
+        Names of the covariates.
     paired : bool
+        If True, each unit is a pair of specimens of one animal.
     """
 
     population: Population
@@ -128,40 +144,40 @@ class Joint:
         chains: int,
         seed: np.random.SeedSequence,
     ) -> xr.DataTree:
-        """Posterior and evidence, of units by the name of the group, and their own."""
-        model, known = _JointModel(self), (_flat(units), _AT_FIRST, None)
-        return with_diagnosis(fit_enough(model, known, draws, chains, seed))
+        """Return posterior and evidence for units, given by names of groups and of units."""
+        model, first = _JointModel(self), (_flat(units), _FIRST_DRAWS, None)
+        return with_diagnosis(fit_enough(model, first, draws, chains, seed))
 
     def kernel(self, units: Mapping[str, Mapping[str, Unit]], count: int) -> BatchedSMC:
-        """The model by so many draws of each unit, for its densities."""
-        few = {key: unit.first(count) for key, unit in _flat(units).items()}
-        return _JointModel(self).kernel(few, 1)
+        """Return a kernel whose log densities use `count` draws of each unit."""
+        draws = {key: unit.first(count) for key, unit in _flat(units).items()}
+        return _JointModel(self).kernel(draws, 1)
 
     @property
     def contrasts(self) -> Array:
-        """Of each group, (group, contrast)."""
+        """Coefficients ``c`` of the differences, shape (group, contrast)."""
         if self.apart is None or self.paired:
             return np.zeros((len(self.groups), 0))
         return linalg.helmert(len(self.groups)).T / np.sqrt(2)
 
     @without_traces
     def model(self, shared: Mapping[str, Sequence[Mapping[str, SharedVariable]]]) -> pm.Model:
-        """PyMC model of the distributions, all units integrated out by their draws."""
+        """Return the PyMC model of the distributions, with units integrated out by their draws."""
         names = self.population.scale.names
         with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
             of_groups = self._register()
             for group, parts in shared.items():
                 terms = parts[0]["log_weight"]
                 for inputs, distribution in zip(parts, of_groups[group], strict=True):
-                    known = dict(inputs) | {
+                    draws = dict(inputs) | {
                         "tests": pt.specify_broadcastable(inputs["tests"], 1),
                     }
-                    terms = terms + log_density(pt, known, distribution)
+                    terms = terms + log_density(pt, draws, distribution)
                 pm.Potential(f"units_{group}", pt.sum(pt.logsumexp(terms, axis=-1)))
         return model
 
     def _register(self) -> dict[str, tuple[ClassDistribution, ...]]:
-        """Variables of the distributions of the parts of units, by group."""
+        """Register the model's variables; return the distributions of the parts, by group."""
         size, count = len(self.population.scale.names), len(self.covariates)
         common = self.population.register_class()
         logs, sd_of_logs = self.population.scale.spread_prior
@@ -169,12 +185,12 @@ class Joint:
             standard = pm.Normal("effects", shape=(count, size))
             common = replace(common, effects=[np.exp(logs) * standard[k] for k in range(count)])
         if self.paired:
-            moved: Any = np.zeros(size)
+            difference: Any = np.zeros(size)
             if self.apart:
-                moved = pm.Normal("difference", 0, self.apart.location, shape=size)
+                difference = pm.Normal("difference", 0, self.apart.location, shape=size)
             change = replace(
                 common,
-                location=common.spread * moved,
+                location=common.spread * difference,
                 spread=pm.LogNormal("change_spread", logs, sd_of_logs, shape=size),
                 factor=correlation_factor(size, "change_"),
             )
@@ -186,30 +202,31 @@ class Joint:
         difference = pm.Normal("difference", 0, self.apart.location, shape=shape)
         spread_difference = pm.Normal("spread_difference", 0, self.apart.log_spread, shape=shape)
         return {
-            group: (_moved(common, row @ difference, pt.exp(row @ spread_difference)),)
+            group: (_shifted(common, row @ difference, pt.exp(row @ spread_difference)),)
             for group, row in zip(self.groups, contrasts, strict=True)
         }
 
     def distributions(
         self, tree: xr.DataTree, count: int
     ) -> dict[str, tuple[ClassDistribution, ...]]:
-        """Draws of the same, so many at most."""
+        """Return at most `count` posterior draws of the distributions of the parts, by group."""
         posterior, common = some_of_posterior(tree, count), distributions_of(tree, count)
         location, spread = np.asarray(common.location), np.asarray(common.spread)
 
         def columns(name: str) -> Array:
-            """By (..., coordinate, sample, 1)."""
+            """Return draws of a variable, shape (..., coordinate, sample, 1)."""
             values = posterior[name].transpose("sample", ...).values
             return np.moveaxis(values, 0, -1)[..., None]
 
         if self.covariates:
+            # The model's effects are in units of the prior median of the spread.
             scale = np.exp(self.population.scale.spread_prior[0])[:, None, None]
             common = replace(common, effects=[*(scale * columns("effects"))])
         if self.paired:
-            moved = columns("difference") if self.apart else np.zeros_like(location)
+            difference = columns("difference") if self.apart else np.zeros_like(location)
             change = replace(
                 common,
-                location=spread * moved,
+                location=spread * difference,
                 spread=columns("change_spread"),
                 factor=factor_of(posterior, "change_correlation"),
             )
@@ -220,27 +237,28 @@ class Joint:
         of_contrasts = columns("difference"), columns("spread_difference")
         found: dict[str, tuple[ClassDistribution, ...]] = {}
         for group, row in zip(self.groups, contrasts, strict=True):
-            step, grown = (np.einsum("k,kcsi->csi", row, values) for values in of_contrasts)
-            found[group] = (_moved(common, step, np.exp(grown)),)
+            shift, log_factor = (np.einsum("k,kcsi->csi", row, values) for values in of_contrasts)
+            found[group] = (_shifted(common, shift, np.exp(log_factor)),)
         return found
 
 
-def _moved(common: ClassDistribution, step: Any, grown: Any) -> ClassDistribution:
-    """A group's own distribution, so many spreads away, with spreads so many times as large."""
+def _shifted(common: ClassDistribution, shift: Any, factor: Any) -> ClassDistribution:
+    """Shift the location by `shift` times the spread, and multiply the spread by `factor`."""
     return replace(
-        common, location=common.location + common.spread * step, spread=common.spread * grown
+        common, location=common.location + common.spread * shift, spread=common.spread * factor
     )
 
 
 class _JointModel:
-    """What a fit asks of its model; the draws that stand for units may be replaced."""
+    """Model for `fit_enough`, compiled once for each number of draws per unit."""
 
     def __init__(self, joint: Joint) -> None:
         self._joint = joint
+        # Shared draws by group, and the kernel, for each number of draws.
         self._made: dict[int, tuple[dict[str, list[dict[str, SharedVariable]]], BatchedSMC]] = {}
 
     def kernel(self, draws: Mapping[tuple[str, str], Unit], count: int) -> BatchedSMC:
-        """Sampler of so many particles, of draws that stand for the units from now on."""
+        """Return a kernel of `count` particles for these draws of each unit."""
         groups: dict[str, list[Unit]] = {}
         for (group, _), unit in draws.items():
             groups.setdefault(group, []).append(unit)
@@ -255,7 +273,7 @@ class _JointModel:
     def variances(
         self, tree: xr.DataTree, draws: Mapping[tuple[str, str], Unit], size: int
     ) -> dict[tuple[str, str], float]:
-        """What so many draws of each unit leave open of the evidence."""
+        """Return the variance of the log evidence due to the use of `size` draws of each unit."""
         distributions = self._joint.distributions(tree, _DISTRIBUTIONS)
         found = {}
         for key, unit in draws.items():
@@ -267,11 +285,16 @@ class _JointModel:
 
 
 def _flat(units: Mapping[str, Mapping[str, Unit]]) -> dict[tuple[str, str], Unit]:
-    return {(group, name): unit for group, own in units.items() for name, unit in own.items()}
+    """Return the units by (group, name)."""
+    return {
+        (group, name): unit for group, of_group in units.items() for name, unit in of_group.items()
+    }
 
 
 def _shared_parts(units: Sequence[Unit]) -> list[dict[str, SharedVariable]]:
-    """Draws of the parts of units; their weights are those of the first."""
-    parts = [shared_draws(own) for own in zip(*(unit.parts for unit in units), strict=True)]
+    """Return shared variables of the draws of each part; the first part holds the weights."""
+    parts = [
+        shared_draws(of_units) for of_units in zip(*(unit.parts for unit in units), strict=True)
+    ]
     parts[0]["log_weight"].set_value(np.stack([unit.log_weight for unit in units]))
     return parts

@@ -1,4 +1,7 @@
-"""Quantities that the specimens of a class have, draw by draw of its distribution."""
+"""Coordinates, parameters and tube properties of specimens, for draws of a class's distribution.
+
+:func:`~pymc_hyperelastic.compare_classes` and :func:`~pymc_hyperelastic.plan_study` use them.
+"""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,11 +23,11 @@ from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
 Array = NDArray[np.float64]
 
-# Of the points of a Latin hypercube that stand for specimens: the same for all draws of classes.
+# Seed of the Latin hypercube of specimens: all draws of all classes use the same points.
 _SEED = 1
-# Materials whose properties are found at once.
-_AT_ONCE = 20_000
-# Properties of a tube that classes are compared by.
+# Number of materials whose properties are computed in one batch, to limit the memory.
+_BATCH_SIZE = 20_000
+# Properties of a tube by which classes can be compared.
 PROPERTIES = (
     "radius",
     "outer_radius",
@@ -42,26 +45,33 @@ PROPERTIES = (
     "stored_energy_change",
     "in_vivo_axial_stretch",
 )
-_LOGARITHM = "log "
+# Prefix of a name that takes the logarithm of the quantity.
+_LOG_PREFIX = "log "
+# Properties that depend on `pressure_range`, not on `pressure`.
 BETWEEN_PRESSURES = ("stored_energy_change", "in_vivo_axial_stretch")
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where properties are looked at: the tube, and pressures in a unit."""
+    """Tube and pressures at which properties are computed."""
 
     tube: Mapping[str, float]
+    """Radii in mm, axial stretch, and opening angle in rad."""
     pressure: Array
+    """Internal pressures, in `pressure_unit`."""
     pressure_unit: str
     pressure_range: tuple[float, float] | None
+    """Diastolic and systolic pressure, in `pressure_unit`."""
     density: float
+    """Density of the fluid, kg/m³."""
 
 
 def standard_specimens(size: int, count: int) -> Array:
-    """Standard normal numbers of the typical specimen, 0, and of so many others: (specimen, size).
+    """Return standard normal coordinates of the typical specimen and of `count` other specimens.
 
-    The others are evenly spread in probability, as quantiles of one number are, with the mean 0 and
-    the covariance 1 as nearly as so many can have it.
+    The shape is (1 + count, size). The first row, of the typical specimen, is 0. The others are a
+    Latin hypercube sample with mean 0. If `count` exceeds ``size + 1``, they are transformed so
+    that their covariance matrix is the identity.
     """
     cube = stats.qmc.LatinHypercube(size, scramble=False, optimization="random-cd", rng=_SEED)
     points = stats.norm.ppf(cube.random(count))
@@ -73,7 +83,7 @@ def standard_specimens(size: int, count: int) -> Array:
 
 
 def known_quantities(kind: Variability) -> list[str]:
-    """What can be compared of a class's specimens: coordinates, parameters and properties."""
+    """Return the names of coordinates, parameters and properties of specimens of a class."""
     values = kind.scale.numbers([np.zeros(1) for _ in kind.scale.names])
     parameters = [
         f"{name}[{i}]" if value.ndim > 1 else name
@@ -84,10 +94,10 @@ def known_quantities(kind: Variability) -> list[str]:
 
 
 def unit_of(name: str, kind: Variability) -> str | None:
-    """Unit of a quantity, or of its logarithm; None if there is no such quantity."""
-    known = known_quantities(kind)
-    bare = name if name in known else name.removeprefix(_LOGARITHM)
-    if bare not in known:
+    """Return the unit of a quantity or of its logarithm; None if the name is unknown."""
+    available = known_quantities(kind)
+    bare = name if name in available else name.removeprefix(_LOG_PREFIX)
+    if bare not in available:
         return None
     if bare != name or bare in kind.scale.names:
         return "1"
@@ -95,20 +105,21 @@ def unit_of(name: str, kind: Variability) -> str | None:
 
 
 def is_logarithm(name: str, kind: Variability) -> bool:
-    """Whether a ratio of two of them means nothing."""
+    """Return True for quantities on a log scale, which have no ratio."""
     return name in kind.scale.names or name not in known_quantities(kind)
 
 
 def values_of(
     kind: Variability, coordinates: Array, names: Sequence[str], place: Place
 ) -> dict[str, Array]:
-    """Each quantity (pressure, draw, specimen) of specimens with these coordinates.
+    """Return quantities of specimens by name, each of shape (pressure, draw, specimen).
 
-    It is NaN where a specimen has none, as of a tube that does not reach the pressure.
+    `coordinates` has the shape (coordinate, draw, specimen). A quantity is NaN where it does not
+    exist, for example where a tube does not reach the pressure.
     """
     shape = (len(place.pressure), *coordinates.shape[1:])
-    known = known_quantities(kind)
-    bare = {n: n if n in known else n.removeprefix(_LOGARITHM) for n in names}
+    available = known_quantities(kind)
+    bare = {n: n if n in available else n.removeprefix(_LOG_PREFIX) for n in names}
     parameters = kind.scale.numbers([*coordinates])
     found = _properties(kind, parameters, [n for n in PROPERTIES if n in bare.values()], place)
     for name in set(bare.values()) - set(found):
@@ -128,24 +139,24 @@ def _properties(
     wanted: Sequence[str],
     place: Place,
 ) -> dict[str, Array]:
-    """Properties of tubes of these materials, some draws of the class's distribution at a time."""
+    """Return properties of tubes of these materials, computed in batches of draws."""
     draws, specimens = next(iter(parameters.values())).shape[:2]
     if not wanted:
         return {}
-    step = max(1, _AT_ONCE // specimens)
+    step = max(1, _BATCH_SIZE // specimens)
     settings: dict[str, Any] = dict(place.tube) | {"density": place.density}
     if set(wanted) & set(BETWEEN_PRESSURES):
         settings["pressure_range"] = place.pressure_range
     parts = []
     for start in range(0, draws, step):
-        some = {n: v[start : start + step] for n, v in parameters.items()}
-        # Numbers that overflow are no material: such specimens have no property.
-        entries = [v.reshape(*v.shape[:2], -1) for v in some.values()]
-        sound = np.isfinite(np.concatenate(entries, axis=2)).all(axis=2)
-        some = {n: np.where(_like(sound, v), v, 1.0) for n, v in some.items()}
-        tree = xr.DataTree.from_dict({"posterior": posterior_of(some)})
+        batch = {n: v[start : start + step] for n, v in parameters.items()}
+        # Parameters may overflow for extreme draws: properties of such specimens are NaN.
+        entries = [v.reshape(*v.shape[:2], -1) for v in batch.values()]
+        finite = np.isfinite(np.concatenate(entries, axis=2)).all(axis=2)
+        batch = {n: np.where(_expanded(finite, v), v, 1.0) for n, v in batch.items()}
+        tree = xr.DataTree.from_dict({"posterior": posterior_of(batch)})
         with warnings.catch_warnings():
-            # What they do not reach is told of all of them together.
+            # The caller warns once about all specimens without a property.
             warnings.simplefilter("ignore")
             found = tube_properties(
                 tree,
@@ -156,17 +167,17 @@ def _properties(
                 **settings,
             )
         by_name = {name: _with_pressures(found[name], len(place.pressure)) for name in wanted}
-        parts.append({name: np.where(sound, values, np.nan) for name, values in by_name.items()})
+        parts.append({name: np.where(finite, values, np.nan) for name, values in by_name.items()})
     return {name: np.concatenate([p[name] for p in parts], axis=1) for name in wanted}
 
 
-def _like(sound: NDArray[np.bool_], values: Array) -> NDArray[np.bool_]:
-    """Which specimens are sound, for all entries of a parameter."""
-    return sound.reshape(*sound.shape, *(1,) * (values.ndim - 2))
+def _expanded(finite: NDArray[np.bool_], values: Array) -> NDArray[np.bool_]:
+    """Append axes to a mask (draw, specimen), so that it broadcasts over entries of a parameter."""
+    return finite.reshape(*finite.shape, *(1,) * (values.ndim - 2))
 
 
 def _with_pressures(values: xr.DataArray, count: int) -> Array:
-    """By (pressure, draw, specimen), also what is the same at all pressures."""
+    """Return values of shape (pressure, draw, specimen); repeat those without a pressure axis."""
     if "pressure" not in values.dims:
         values = values.expand_dims(pressure=count)
     return values.transpose("pressure", "chain", "draw").values
@@ -181,19 +192,20 @@ def place_of(
     density: float,
     tube: dict[str, float],
 ) -> Place:
-    """Where the quantities are looked at; the tube is that in the middle of all that were measured.
+    """Return the tube and pressures for these quantities; ValueError if a pressure is missing.
 
-    Each specimen counts once.
+    Measures of the tube that are not given are medians over specimens, each of which is represented
+    by the median of its tests.
     """
     if pressure is None:
         wanted = [name for name in names if name in PROPERTIES]
         if wanted:
-            raise ValueError(f"{wanted[0]} is that of a tube at a pressure: say pressure=...")
+            raise ValueError(f"{wanted[0]} depends on the pressure: give pressure=...")
         pressure = 0.0
     wanted = [name for name in names if name in BETWEEN_PRESSURES]
     if wanted and pressure_range is None:
         raise ValueError(
-            f"{wanted[0]} follows from two pressures: say pressure_range=(diastolic, systolic)"
+            f"{wanted[0]} depends on two pressures: give pressure_range=(diastolic, systolic)"
         )
     parts = [
         part

@@ -1,4 +1,4 @@
-"""Scores of class probabilities against the true classes, and how reliable they are."""
+"""Proper scores and calibration of class probabilities, given the true classes."""
 
 from typing import Any
 
@@ -11,78 +11,79 @@ from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 
 Array = NDArray[np.float64]
 
-# By how much probabilities of classes that were rounded may miss a sum of 1.
+# Largest deviation of the sum of a unit's probabilities from 1: inputs may have been rounded.
 _SUM_TOLERANCE = 1e-6
-# Digits to which probabilities and the limits of bins are rounded before they are compared, so that
-# rounding errors do not decide.
+# Number of decimals to which probabilities and edges of bins are rounded before comparison, so that
+# rounding errors do not decide between equal ones.
 _DIGITS = 9
-
-# What the forecast of the most probable class is called.
+# Name of the forecast by the most probable class.
 TOP_CLASS = "most probable class"
 
 
 def score_probabilities(
     probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, prob: float = 0.95
 ) -> xr.Dataset:
-    r"""Score class probabilities against the true classes, and tabulate how reliable they are.
+    r"""Score class probabilities against the true classes, and tabulate their calibration.
 
     With the probability ``p_c`` of class ``c`` and the true class ``t`` of a unit,
 
     .. math:: \text{log score} = \ln p_t, \qquad
         \text{Brier score} = \sum_c \left(p_c - 1[c = t]\right)^2
 
-    A log score is best at 0, and ``−inf`` where the truth was called impossible; a Brier score
-    [1]_ is best at 0 and 2 at worst. Probabilities are reliable if, of all that are near ``p``, a
-    share of ``p`` comes true. With the probabilities divided among ``M`` bins, ``n_m`` of ``n`` in
-    bin ``m``, of mean ``p̄_m`` and of which a share ``f_m`` came true, the expected calibration
-    error [2]_ [3]_ is
+    The best log score is 0; it is ``−inf`` if the true class had the probability 0. The Brier score
+    [1]_ lies between 0, the best value, and 2. Probabilities are calibrated if events with the
+    probability ``p`` occur with the frequency ``p``. Let ``n`` probabilities be divided among ``M``
+    bins. If bin ``m`` holds ``n_m`` probabilities with the mean ``p̄_m``, and a fraction ``f_m`` of
+    their events occurred, the expected calibration error [2]_ [3]_ is
 
     .. math:: \text{ECE} = \sum_{m=1}^{M} \frac{n_m}{n} \left|f_m - \bar p_m\right|
 
     Parameters
     ----------
     probability : xarray.DataArray or xarray.Dataset
-        Probabilities (unit, class_label), whatever the first dimension is called; or the result of
-        :func:`pymc_hyperelastic.classify`.
+        Probabilities (unit, class_label), where the first dimension may have any name; or the
+        result of :func:`pymc_hyperelastic.classify`.
     truth : sequence of str or xarray.DataArray
         The true class of each unit.
     bins : int, default 10
-        ``M``, the number of bins of equal width between 0 and 1. What lies between two belongs to
-        the lower one.
+        ``M``, the number of bins of equal width between 0 and 1. A probability at an edge between
+        two bins belongs to the lower bin.
     prob : float, default 0.95
         Coverage of the intervals of the observed frequencies.
 
     Returns
     -------
     xarray.Dataset
-        ``log_score``, ``brier_score`` and ``correct`` (unit); their means ``mean_log_score``,
-        ``mean_brier_score`` and ``accuracy``, each with a standard error (``…_se``);
-        ``expected_calibration_error`` (forecast), and the table behind it, (forecast, bin):
+        ``log_score`` (nats), ``brier_score`` and ``correct`` (unit); their means
+        ``mean_log_score``, ``mean_brier_score`` and ``accuracy``, each with a standard error
+        (``…_se``); ``expected_calibration_error`` (forecast); and for each (forecast, bin)
         ``count``, ``predicted_probability`` (mean of the bin), ``observed_frequency`` and its
-        Wilson interval from ``frequency_lower`` to ``frequency_upper``, all NaN where a bin is
-        empty. The forecasts are ``"most probable class"``, whose error is the one that goes by the
-        name in the literature, and those of each class against the others.
+        Wilson interval from ``frequency_lower`` to ``frequency_upper``. Except for the count, these
+        are NaN in empty bins. One forecast is ``"most probable class"``, for which the expected
+        calibration error is usually defined; the others are those of each class against all other
+        classes.
 
     Raises
     ------
     TypeError
-        If the probabilities are no DataArray, or `bins` is no whole number.
+        If `probability` is neither a DataArray nor a result of `classify`, or `bins` is not an
+        integer.
     ValueError
-        If there are no units or classes, the probabilities of a unit are not known or do not add
-        up to 1, or a true class is missing or unknown.
+        If there are no units or classes, probabilities of a unit are NaN or do not add up to 1, or
+        a true class is missing or unknown.
 
     See Also
     --------
-    plot_reliability : The figure that belongs to it.
+    plot_reliability : Plot the result.
 
     Notes
     -----
-    The most probable class of a unit counts once, so that the binomial intervals hold if units are
-    independent. Experiments on one specimen are not: classify by specimen, or take intervals and
-    standard errors as too short. Between equal probabilities the first class is the one that
-    counts.
+    Intervals and standard errors assume independent units. Experiments on one specimen are not
+    independent: classify by specimen, since intervals would otherwise be too narrow. Of equally
+    probable classes, the first one is the most probable class.
 
-    The calibration error is never negative: with few units in a bin it is large by chance alone.
+    The expected calibration error is biased upwards: with few units in a bin it is large even for
+    calibrated probabilities.
 
     References
     ----------
@@ -117,7 +118,6 @@ def score_probabilities(
     with np.errstate(divide="ignore"):
         log_score = np.log(p[rows, true])
     brier_score = np.sum((p - np.eye(len(classes))[true]) ** 2, axis=1)
-    # The first of several equally probable classes.
     top = p.round(_DIGITS).argmax(axis=1)
     forecasts = {TOP_CLASS: (p[rows, top], top == true)}
     forecasts |= {str(name): (p[:, c], true == c) for c, name in enumerate(classes)}
@@ -147,7 +147,7 @@ def score_probabilities(
 
 
 def _checked_probability(probability: Any) -> xr.DataArray:
-    """Probabilities by unit and class."""
+    """Return the probabilities as (unit, class_label); raise unless they are valid."""
     if isinstance(probability, xr.Dataset) and "class_probability" in probability:
         probability = probability["class_probability"]
     if not isinstance(probability, xr.DataArray):
@@ -165,8 +165,8 @@ def _checked_probability(probability: Any) -> xr.DataArray:
     classes = probability["class_label"].values.tolist()
     if not probability.size or len(set(classes)) < len(classes):
         raise ValueError(
-            f"there are probabilities of {len(probability)} unit(s) and of the classes {classes}; "
-            "expected one of each at least, and each class once"
+            f"probability has {len(probability)} unit(s) and the classes {classes}; expected at "
+            "least one of each, and each class once"
         )
     for i, p in enumerate(probability.values):
         if not np.all((p >= 0) & (p <= 1 + _SUM_TOLERANCE)) or abs(p.sum() - 1) > _SUM_TOLERANCE:
@@ -179,7 +179,7 @@ def _checked_probability(probability: Any) -> xr.DataArray:
 
 
 def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
-    """Index of the true class of each unit."""
+    """Return the index of the true class of each unit."""
     unit, classes = probability.dims[0], probability["class_label"].values.tolist()
     if isinstance(truth, xr.DataArray):
         for index in (unit,) if unit in truth.coords and unit in probability.coords else ():
@@ -201,27 +201,27 @@ def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
 
 
 def _name_of_unit(probability: xr.DataArray, row: int) -> str:
-    """What a unit is called in a message."""
+    """Return the name of a unit for a message."""
     unit = str(probability.dims[0])
     names = [n for n in ("specimen", "experiment") if n in probability.coords]
     names = [n for n in names if probability[n].dims == (unit,)] or [unit]
-    known = [n for n in names if n in probability.coords]
-    described = ", ".join(f"{n} {probability[n].values.tolist()[row]!r}" for n in known)
+    names = [n for n in names if n in probability.coords]
+    described = ", ".join(f"{n} {probability[n].values.tolist()[row]!r}" for n in names)
     return described or f"{unit} {row}"
 
 
 def _mean(values: Array) -> tuple[float, float]:
-    """Mean of the scores of units, and its standard error where there is one."""
+    """Return the mean of scores and its standard error; NaN for one unit or infinite scores."""
     mean = float(np.mean(values))
     if len(values) == 1 or not np.isfinite(mean):
         return mean, np.nan
     return mean, float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
-def _reliability(p: Array, came_true: NDArray[np.bool_], edges: Array, prob: float) -> xr.Dataset:
-    """Predicted and observed frequencies of one forecast, by bin."""
+def _reliability(p: Array, occurred: NDArray[np.bool_], edges: Array, prob: float) -> xr.Dataset:
+    """Return predicted and observed frequencies of one forecast for each bin."""
     place = np.searchsorted(edges[1:-1].round(_DIGITS), p.round(_DIGITS))
-    count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, came_true))
+    count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, occurred))
     total = np.bincount(place, p, len(edges) - 1)
     interval = np.full((len(count), 2), np.nan)
     for m in np.flatnonzero(count):

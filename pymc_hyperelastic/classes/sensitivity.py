@@ -1,4 +1,9 @@
-"""How far priors, and data, decide what is said."""
+"""Sensitivity of posterior quantities to the prior and to the likelihood, by power scaling.
+
+:func:`~pymc_hyperelastic.compare_classes` reports it for each difference between groups. The
+method is that of N. Kallioinen, T. Paananen, P.-C. Bürkner and A. Vehtari, Statistics and Computing
+34 (2024) 57, as implemented in ``arviz_stats.psense``.
+"""
 
 import numpy as np
 import pytensor.tensor as pt
@@ -11,15 +16,16 @@ from pymc_hyperelastic.evidence.stored import read_draws, read_numbers
 
 Array = NDArray[np.float64]
 
-_POWERS = "prior", "likelihood"
-# Draws without which no sensitivity is known.
-_FEWEST = 100
+# Parts of the posterior density that are raised to a power.
+_GROUPS = "prior", "likelihood"
+# Smallest number of draws for an estimate of the sensitivity: with fewer it is too noisy.
+_FEWEST_DRAWS = 100
 
 
 def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) -> Array:
-    """Both at so many draws of a result, (2, draw): those of `some_of_posterior`.
+    """Return log prior and log likelihood at the draws of `some_of_posterior`, (2, draw).
 
-    The prior is that of the variables themselves, on whose scale it is raised to a power.
+    The log prior is that of the untransformed variables, without the Jacobian of the transform.
     """
     group = "unconstrained_posterior"
     for name in kernel.target.var_info:
@@ -36,32 +42,34 @@ def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) 
 
 
 def power_scaling(draws: xr.DataArray, log_prior: Array, log_likelihood: Array) -> xr.Dataset:
-    """Sensitivity of draws, along ``draw``, to the powers of the prior and of the likelihood.
+    """Return the sensitivities of draws, along ``draw``, to powers of prior and likelihood.
 
-    Each is that of the draws which have the quantity at all.
+    Only draws with finite values are used; with fewer than 100 of them the result is NaN.
     """
     from arviz_stats import psense
 
     rest = [d for d in draws.dims if d != "draw"]
     values = draws.transpose("draw", *rest)
     flat = values.values.reshape(len(log_prior), -1)
-    there, which = np.unique(np.isfinite(flat), axis=1, return_inverse=True)
+    # Columns that are finite at the same draws are computed together.
+    patterns, which = np.unique(np.isfinite(flat), axis=1, return_inverse=True)
     found = np.full((2, flat.shape[1]), np.nan)
-    for number, some in enumerate(there.T):
-        if some.sum() < _FEWEST:
+    for number, finite in enumerate(patterns.T):
+        if finite.sum() < _FEWEST_DRAWS:
             continue
-        known = {"log_prior": log_prior[some], "log_likelihood": log_likelihood[some]}
-        own = np.ravel(which) == number
-        posterior = xr.Dataset({"value": (("chain", "draw", "place"), flat[some][None][..., own])})
+        logs = {"log_prior": log_prior[finite], "log_likelihood": log_likelihood[finite]}
+        columns = np.ravel(which) == number
+        chosen = flat[finite][None][..., columns]
+        posterior = xr.Dataset({"value": (("chain", "draw", "place"), chosen)})
         tree = xr.DataTree.from_dict(
             {"posterior": posterior}
-            | {k: xr.Dataset({"all": (("chain", "draw"), v[None])}) for k, v in known.items()}
+            | {k: xr.Dataset({"all": (("chain", "draw"), v[None])}) for k, v in logs.items()}
         )
-        found[:, own] = [psense(tree, group=group)["value"] for group in _POWERS]
+        found[:, columns] = [psense(tree, group=group)["value"] for group in _GROUPS]
     shape = values.isel(draw=0, drop=True)
     return xr.Dataset(
         {
             f"{group}_sensitivity": shape.copy(data=of_group.reshape(shape.shape))
-            for group, of_group in zip(_POWERS, found, strict=True)
+            for group, of_group in zip(_GROUPS, found, strict=True)
         }
     )

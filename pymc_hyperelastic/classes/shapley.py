@@ -1,4 +1,8 @@
-"""Shapley values: parts of the log ratio of a specimen's evidences under two classes."""
+"""Shapley values of the log ratio of a specimen's evidences under two classes.
+
+:func:`~pymc_hyperelastic.explain_classification` reports them. Reference: L. S. Shapley, A value
+for n-person games, Contributions to the Theory of Games II (1953) 307-317.
+"""
 
 from collections.abc import Sequence
 from math import factorial
@@ -12,15 +16,16 @@ from pymc_hyperelastic.classes.interface import Prediction
 
 Array = NDArray[np.float64]
 
-# Share of an average over laws below which a law changes no digit that is told of a part.
-_NEGLIGIBLE = 1e-4
-# Digits to which log probabilities of classes are rounded before they are compared, so that
-# rounding errors do not decide.
+# Weight in an average over strain energies below which a strain energy changes no reported digit of
+# a Shapley value.
+_NEGLIGIBLE_WEIGHT = 1e-4
+# Number of decimals to which log probabilities of classes are rounded before comparison: rounding
+# errors then do not decide between equal ones.
 _DIGITS = 9
 
 
 def parts_of(laws: Laws) -> list[str]:
-    """Parts of a class that can be told apart by any of the laws."""
+    """Return the names of all parts that the classes have under any of the strain energies."""
     by_number = sorted(laws.parts, key=len, reverse=True)
     return list(dict.fromkeys(part for parts in by_number for part in parts))
 
@@ -28,64 +33,71 @@ def parts_of(laws: Laws) -> list[str]:
 def log_ratio_parts(
     laws: Laws, predictions: Sequence[Sequence[Prediction]], own: int, rival: int
 ) -> Array:
-    """Parts of the log ratio of the evidences of two classes, from predictions by law and class."""
+    """Return the Shapley values of the log evidence ratio of the classes `own` and `rival`.
+
+    `predictions` has the order (law, class).
+    """
     return shapley(_hybrids(laws, predictions, own, rival))
 
 
 def rivals_of(log_probability: Array) -> list[int]:
-    """Number of the most probable other class of each."""
-    # So rounded, rounding errors do not decide; what is not known is least probable.
-    known = np.nan_to_num(log_probability.round(_DIGITS), nan=-np.inf)
-    first, second = np.argsort(-known, kind="stable")[:2].tolist()
-    return [second if own == first else first for own in range(len(known))]
+    """Return, for each class, the index of the most probable other class."""
+    # Unknown probabilities are ranked last.
+    ranked = np.nan_to_num(log_probability.round(_DIGITS), nan=-np.inf)
+    first, second = np.argsort(-ranked, kind="stable")[:2].tolist()
+    return [second if own == first else first for own in range(len(ranked))]
 
 
 def _hybrids(
     laws: Laws, predictions: Sequence[Sequence[Prediction]], own: int, rival: int
 ) -> Array:
-    """Log evidences with parts of the rival in place of the class's own, averaged over laws.
+    """Return log evidences for each set of replaced parts, averaged over strain energies.
 
-    Laws that count for nothing are not asked what is between the two ends: it may not be known.
+    Each axis is a part: index 0 for the class `own`, 1 for the rival. For strain energies with
+    negligible weights only the two ends are used, since other entries may be unknown.
     """
     parts, terms = parts_of(laws), []
     both = np.array([[of[i].log_evidence.value for i in (own, rival)] for of in predictions])
-    for law, counts in enumerate(_count(laws, both)):
+    for law, relevant in enumerate(_are_relevant(laws, both)):
         of_law, hybrids = laws.parts[law], predictions[law][own].hybrids
-        if hybrids is not None and counts:
+        if hybrids is not None and relevant:
             values = hybrids(rival)
         else:
             values = np.full((2,) * len(of_law), -np.inf)
             values.flat[[0, -1]] = both[law]
-        # What a law does not have changes nothing.
+        # Replacing a part that this strain energy lacks changes nothing.
         values = values[tuple(slice(None) if part in of_law else None for part in parts)]
         terms.append(laws.log_probability[law] + np.broadcast_to(values, (2,) * len(parts)))
     return logsumexp(terms, axis=0)
 
 
-def _count(laws: Laws, ends: Array) -> NDArray[np.bool_]:
-    """Whether a law counts: by its probability, or in what is said of the class or its rival."""
+def _are_relevant(laws: Laws, ends: Array) -> NDArray[np.bool_]:
+    """Return True for each law whose prior weight, or weight given either class, is relevant."""
     if len(ends) == 1:
         return np.array([True])
     shares = softmax(laws.log_probability[:, None] + ends, axis=0)
-    # What is not a number counts: it must not be passed over.
-    return ~((np.exp(laws.log_probability) < _NEGLIGIBLE) & (shares.max(axis=1) < _NEGLIGIBLE))
+    # The comparison is False for NaN: an unknown weight is not negligible.
+    return ~(
+        (np.exp(laws.log_probability) < _NEGLIGIBLE_WEIGHT)
+        & (shares.max(axis=1) < _NEGLIGIBLE_WEIGHT)
+    )
 
 
 def shapley(values: Array) -> Array:
-    r"""Parts of the difference between the first and the last of the values (2, 2, ...).
+    r"""Return the Shapley values of the difference between the first and the last value.
 
-    Each axis is a part, which is a class's own or its rival's. With the set ``S`` of parts that
-    are the rival's already, of ``n`` in all, the part ``j`` has the difference
+    `values`, of shape (2, ..., 2) with one axis for each of ``n`` parts, holds ``v(S)``: index 1
+    along the axes of the parts in ``S``, which are replaced with those of the rival. The Shapley
+    value of part ``j`` is
 
     .. math:: φ_j = \sum_{S \not\ni j} \frac{|S|! \, (n - 1 - |S|)!}{n!} \,
         \bigl[v(S) - v(S \cup \{j\})\bigr]
 
-    which is the mean over all orders in which the parts can be exchanged (L. S. Shapley, A value
-    for n-person games, Contributions to the Theory of Games II (1953) 307-317).
+    the mean change over all orders in which the parts can be replaced.
     """
     n = values.ndim
-    exchanged = np.indices((2,) * (n - 1)).sum(axis=0)
+    replaced = np.indices((2,) * (n - 1)).sum(axis=0)
     orders = [factorial(s) * factorial(n - 1 - s) / factorial(n) for s in range(n)]
-    weights = np.array(orders)[exchanged]
+    weights = np.array(orders)[replaced]
     gains = [values.take(0, axis=j) - values.take(1, axis=j) for j in range(n)]
     return np.array([np.sum(weights * gain) for gain in gains])

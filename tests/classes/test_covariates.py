@@ -45,7 +45,9 @@ def test_covariates_and_animals_may_be_variables_of_the_data(classes):
 
 
 def test_confounded_covariates_are_warned_of(classes):
-    with pytest.warns(UserWarning, match=r"groups, and the covariates \['batch=old'\], cannot be"):
+    with pytest.warns(
+        UserWarning, match=r"groups and the covariates \['batch=old'\] are collinear"
+    ):
         Covariates(classes, {"batch": by_name(*["old"] * 3, *["new"] * 3)})
     # Constant but for rounding errors.
     with pytest.raises(ValueError, match="covariate 'age' is the same for all specimens"):
@@ -65,7 +67,7 @@ def test_wrong_covariates_are_named(classes):
 
 def test_wrong_pairs_are_named(classes):
     for pair, message in (
-        (by_name(*range(6)), r"animal 0, specimen 'A1', has no other half in class 'stiff'"),
+        (by_name(*range(6)), r"animal 0, specimen 'A1', has no specimen in class 'stiff'"),
         (by_name(1, 2, 3, 1, 2, 2), "animal 2 has several specimens in class 'stiff': 'B2', 'B3'"),
         ("animal", "the data of class 'soft' have no variable 'animal' by test"),
     ):
@@ -75,5 +77,5 @@ def test_wrong_pairs_are_named(classes):
     with pytest.raises(ValueError, match="specimen 'B2' of class 'stiff' has several values"):
         pairs_of(data, "animal")
     third = xr.DataTree.from_dict({n: classes["soft"] for n in ("a", "b", "c")})
-    with pytest.raises(ValueError, match=r"pairs are those of two groups; here are \['a', 'b'"):
+    with pytest.raises(ValueError, match=r"pair needs two groups; got \['a', 'b'"):
         pairs_of(third, by_name(*range(6)))

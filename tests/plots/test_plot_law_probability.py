@@ -162,7 +162,7 @@ OTHER_CURVE["C2"]["observed_data"]["pressure"].values[3] += 1.0
         (
             BOTH,
             BOTH.filter(lambda node: "C2" not in node.path),
-            r"the classes \['C1'\], not \['C1', 'C2'\]",
+            r"B with the classes \['C1'\], but A has the classes \['C1', 'C2'\]",
         ),
         (BOTH, OTHER_CURVE, r"class 'C2' has other training .* B .* A \(in pressure\)"),
     ],
