@@ -186,8 +186,8 @@ def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
         prefix = f"class {extrapolated.of_class!r}: " if extrapolated.of_class else ""
         warn_user(
             f"{prefix}{count} of {extrapolated.points.size} points {'is' if count == 1 else 'are'} "
-            f"extrapolated: {extrapolated.words}. Outside the measured range predictions rest on the "
-            "strain energy alone"
+            f"extrapolated: {extrapolated.words}. Outside the measured range predictions rest on "
+            "the strain energy alone"
         )
     return extrapolated
 
