@@ -31,8 +31,8 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
 
     The model stores the mean and ``√v`` as the deterministics ``force_offset_mean`` and
     ``force_offset_error``. This function draws one offset from this distribution for each draw of
-    the posterior. If the diameter has an error, the inverse conditional variance of each force given
-    its pressure replaces ``1/s_F²``.
+    the posterior. If the diameter has an error, the inverse of each force's conditional variance
+    given its pressure replaces ``1/s_F²``.
 
     Parameters
     ----------
