@@ -187,7 +187,7 @@ def material_card(
         f"Written by pymc_hyperelastic {version('pymc-hyperelastic')} for {made_for.label}.",
         _source_note(tree, of_wall),
         f"Units: {units.words}.",
-        f"Without a number in its name: {points[0].words}.",
+        f"Materials without _draw_ in their name: {points[0].words}.",
         *_draws_note(len(points) - 1, of_wall),
         *dict.fromkeys(_law_note(layer, made_for) for layer in of_wall.wall),
         _INCOMPRESSIBLE.format(bulk=bulk),
@@ -260,8 +260,8 @@ def _draws_note(count: int, of_wall: WallDraws) -> list[str]:
         return []
     sizes = of_wall.member.posterior.sizes
     return [
-        f"With a number in its name: {count} of the {sizes['chain'] * sizes['draw']} draws of the "
-        "posterior, at equal distances along its chains."
+        f"Materials with _draw_ in their name: {count} of the {sizes['chain'] * sizes['draw']} "
+        "draws of the posterior, evenly spaced along its chains."
     ]
 
 
