@@ -235,7 +235,7 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"points": 3}, r"either a 'pressure' or a 'radius'; got \[\]"),
         ({"pressure": (9, 1)}, r"pressure is \(9, 1\); expected a number, or a pair"),
         ({"pressure": 1, "points": 0}, "design 'a': points is 0; expected at least 1"),
-        ({"pressure": -1}, "design 'a': pressures are 0 or more"),
+        ({"pressure": -1}, "design 'a': pressures must be 0 or more"),
         ({"radius": 0}, "radii and stretches more than 0"),
         (MANY | {"force": True}, "classes were fitted without its error"),
         (MANY | {"axial_stretch": (1, 1.2)}, "either the radius or the axial stretch"),
