@@ -211,7 +211,7 @@ def plan_study(
         raise ValueError(f"plan_study is for one pressure; got {place.pressure.tolist()}")
     rng = np.random.default_rng(random_seed)
     pilot = _pilot(kind, classes, studies, rng)
-    known = _studied(kind, pilot, sizes, rng)
+    posteriors = _studied(kind, pilot, sizes, rng)
 
     def difference(location: Array) -> Array:
         """Return differences of typical specimens, (comparison, quantity, ...).
@@ -225,7 +225,7 @@ def plan_study(
         pairs = combinations(range(len(groups)), 2)
         return np.stack([of_groups[:, j] - of_groups[:, i] for i, j in pairs])
 
-    truth, found = difference(pilot.location), difference(_locations(known, draws, rng))
+    truth, found = difference(pilot.location), difference(_locations(posteriors, draws, rng))
     lacking = np.isnan(found).mean()
     if lacking > _TOLERATED_FRACTION:
         warn_user(
@@ -233,7 +233,7 @@ def plan_study(
             "at this pressure, and are left out"
         )
     result = _result(truth, found, relevant, prob)
-    result = result.assign(_scores(pilot, known, new_specimens, rng))
+    result = result.assign(_scores(pilot, posteriors, new_specimens, rng))
     labels = [f"{b} − {a}" for a, b in combinations(groups, 2)]
     units = [unit_of(name, kind) or "" for name in names]
     coords = {"specimens": sizes, "comparison": labels, "quantity": names}
@@ -334,12 +334,12 @@ def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
     return x + (roots[1] @ noise[1][..., None])[..., 0], errors
 
 
-def _locations(known: _Known, draws: int, rng: Any) -> Array:
+def _locations(posteriors: _Known, draws: int, rng: Any) -> Array:
     """Draw locations of the groups, (group, size, study, draw, coordinate)."""
-    freedom = known.freedom[:, None, None]
-    noise = rng.standard_normal((*known.mean.shape[:3], draws, known.mean.shape[-1]))
+    freedom = posteriors.freedom[:, None, None]
+    noise = rng.standard_normal((*posteriors.mean.shape[:3], draws, posteriors.mean.shape[-1]))
     noise *= np.sqrt(freedom / rng.chisquare(freedom, noise.shape[:-1]))[..., None]
-    return known.mean[..., None, :] + noise @ np.linalg.cholesky(known.scale).mT
+    return posteriors.mean[..., None, :] + noise @ np.linalg.cholesky(posteriors.scale).mT
 
 
 def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Dataset:
@@ -375,7 +375,7 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
     )
 
 
-def _scores(pilot: _Pilot, known: _Known, count: int, rng: Any) -> xr.Dataset:
+def _scores(pilot: _Pilot, posteriors: _Known, count: int, rng: Any) -> xr.Dataset:
     """Return log scores of new specimens, with the studies' posteriors and the true distributions.
 
     `count` is the number of new specimens per group.
@@ -395,9 +395,9 @@ def _scores(pilot: _Pilot, known: _Known, count: int, rng: Any) -> xr.Dataset:
         return (whitened**2).sum(axis=-1), log_volume
 
     dimension, by_size = x.shape[-1], []
-    for i, (wider, freedom) in enumerate(zip(known.wider, known.freedom, strict=True)):
+    for i, (wider, freedom) in enumerate(zip(posteriors.wider, posteriors.freedom, strict=True)):
         log_density = []
-        for mean, scale in zip(known.mean[:, i], known.scale[:, i], strict=True):
+        for mean, scale in zip(posteriors.mean[:, i], posteriors.scale[:, i], strict=True):
             square, log_volume = squares(mean[:, None], wider * scale[:, None])
             # Student log density, without the constants that all classes share.
             log_density.append(-np.log1p(square / freedom) * (freedom + dimension) / 2 - log_volume)

@@ -135,17 +135,19 @@ class Simulation:
         kind, count, tests = self._kind, len(tried.truth), len(design)
         variables = {n: v[:, :tests] for n, v in tried.variables.items()}
         radii = radii_of(kind, design, variables, self._tube, self._sds)
-        there = np.isfinite(radii).all(axis=1)
+        possible = np.isfinite(radii).all(axis=1)
         _check_borne(name, design, radii)
         planned = empty_data(kind, design, self._tube, self._sds)
         force = np.concatenate([np.full(len(t.held), t.force) for t in design])
-        blank = _measured(planned, radii[there][0], np.ones(len(force)), np.ones(len(force)), force)
+        blank = _measured(
+            planned, radii[possible][0], np.ones(len(force)), np.ones(len(force)), force
+        )
         sampler, draw = self._inner(beside(self._given, blank))
         seed = int(rng.integers(2**32))
         simulate = sampler.simulator(beside(self._given, blank), seed)
         gains, materials = np.full((2, count), np.nan), [np.empty((0, 0))] * count
         effective = np.full(count, np.nan)
-        for i in np.flatnonzero(there):
+        for i in np.flatnonzero(possible):
             specimen = {n: v[i] for n, v in variables.items()}
             blank = blank.assign(radius=("obs", radii[i]))
             found = simulate(beside(self._given, blank), specimen)
@@ -193,14 +195,14 @@ class Simulation:
         scale = self._kind.scale.names
         truth = values(np.stack([tried.variables[n][:, :1] for n in scale]))[:, 0]
         prior = values(np.stack([before.variables[n][:, :1] for n in scale]))[:, 0]
-        there = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
-        after = values(np.stack([trial.materials[i] for i in there], axis=1))
+        possible = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
+        after = values(np.stack([trial.materials[i] for i in possible], axis=1))
         prior = prior[np.isfinite(prior)]
         if min(np.nanmin(after), prior.min()) > 0:
             truth, prior, after = np.log(truth), np.log(prior), np.log(after)
         gains = np.full((2, len(truth)), np.nan)
         for j, step in enumerate((1, 2)):
-            for i, of_one in zip(there, after, strict=True):
+            for i, of_one in zip(possible, after, strict=True):
                 posterior = of_one[np.isfinite(of_one)][::step]
                 before_test, after_test = (_log_density(x, truth[i]) for x in (prior, posterior))
                 mixed = np.log(_AS_BEFORE) + before_test, np.log1p(-_AS_BEFORE) + after_test

@@ -281,8 +281,8 @@ def _geometry(
 
 def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
     """Return the message for measures that are unknown, or that differ between tests."""
-    none = np.array([])
-    tubes = {name: none if data is None else np.unique(data[name].values) for name in unknown}
+    no_values = np.array([])
+    tubes = {name: no_values if data is None else np.unique(data[name].values) for name in unknown}
     measured = {
         k: list(dict.fromkeys(f"{x:.6g}" for x in v if np.isfinite(x))) for k, v in tubes.items()
     }
@@ -290,8 +290,10 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
         f"{k} ({', '.join(v[:4] + ['...'] * (len(v) > 4)) or 'unknown'})"
         for k, v in measured.items()
     ]
-    say = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
-    message = f"the result's data do not have one {', one '.join(found)}: give it, such as {say}"
+    example = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
+    message = (
+        f"the result's data do not have one {', one '.join(found)}: give it, such as {example}"
+    )
     # Tests of one specimen may differ in axial stretch, so that its name would not help.
     names = [] if data is None else list(dict.fromkeys(data["specimen"].values.tolist()))
     if len(names) > 1:

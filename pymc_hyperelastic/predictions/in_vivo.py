@@ -48,29 +48,29 @@ def between_pressures(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
         stored_energy_change=stored[..., 1] - stored[..., 0],
         in_vivo_axial_stretch=stretch,
     )
-    none = np.isnan(stretch)
-    result["in_vivo_axial_stretch"].attrs["draws_without"] = int(none.sum())
+    undefined = np.isnan(stretch)
+    result["in_vivo_axial_stretch"].attrs["draws_without"] = int(undefined.sum())
     ends = dict(zip(("diastolic_pressure", "systolic_pressure"), pressure.tolist(), strict=True))
     for name in result:
         result[name].attrs |= ends
-    _report(none, pressure, draws.without_force)
+    _report(undefined, pressure, draws.without_force)
     flags = {"range_extrapolated": warned(draws.extrapolated_pressures(pressure, radius, unit))}
-    if not none.all():
+    if not undefined.all():
         flags["in_vivo_extrapolated"] = _extrapolated(draws, pressure, stretch, unit)
     coords = {name: bool(flag.points.any()) for name, flag in flags.items() if flag is not None}
     return result.assign_coords(coords)
 
 
-def _report(none: NDArray[np.bool_], pressure: Array, without_force: bool) -> None:
+def _report(undefined: NDArray[np.bool_], pressure: Array, without_force: bool) -> None:
     """Warn of draws without an in vivo stretch, and of data without an axial force."""
-    if none.any():
+    if undefined.any():
         (low, high), (diastole, systole) = _STRETCHES[[0, -1]], pressure
         warn_user(
-            f"of {none.size} draws {none.sum()} have no in vivo axial stretch from {low:g} to "
-            f"{high:g}, at which the reduced axial force turns from falling to rising between "
+            f"of {undefined.size} draws {undefined.sum()} have no in vivo axial stretch from "
+            f"{low:g} to {high:g}, at which the reduced axial force turns from falling to rising between "
             f"{diastole:.4g} and {systole:.4g} kPa; the values are NaN there"
         )
-    if without_force and not none.all():
+    if without_force and not undefined.all():
         warn_user(
             "the in vivo axial stretch rests on the strain energy alone: the result's data have no "
             "axial force"

@@ -88,17 +88,19 @@ class Measured(NamedTuple):
         it decides whether the message suggests mmHg.
         """
         stretches = np.broadcast_to(tube["axial_stretch"], pressure.shape)
-        here = np.array([self._on(tube, stretch) for stretch in stretches])
-        there = here.any(axis=1)
+        comparable = np.array([self._on(tube, stretch) for stretch in stretches])
+        any_comparable = comparable.any(axis=1)
         low, high = (
-            np.where(there, extreme(np.where(here, of_tests, far), axis=1), np.nan)
-            for extreme, of_tests, far in zip(
+            np.where(
+                any_comparable, extreme(np.where(comparable, of_tests, filler), axis=1), np.nan
+            )
+            for extreme, of_tests, filler in zip(
                 (np.min, np.max), self.pressure, (np.inf, -np.inf), strict=True
             )
         )
         beyond = ~_between(pressure, low, high)
         words = f"pressure {_in_both_units(pressure[beyond])}"
-        if here.all():
+        if comparable.all():
             words += f", measured {_in_both_units(self.pressure)}"
             as_mmhg = _between(pressure * mmHg, self.pressure.min(), self.pressure.max())
             if unit == "kPa" and as_mmhg.all():
@@ -171,10 +173,10 @@ def measured_by(tests: xr.Dataset) -> Measured | None:
         at_each = of_test["axial_stretch"] if extended else of_test["axial_stretch"][:1]
         columns.append(ends | {"at_each": at_each[None]})
     joined = {n: np.concatenate([c[n] for c in columns], axis=1) for n in columns[0]}
-    known = np.isfinite(np.concatenate([*joined.values()])).all(axis=0)
-    if not known.any():
+    finite = np.isfinite(np.concatenate([*joined.values()])).all(axis=0)
+    if not finite.any():
         return None
-    joined = {name: values[:, known] for name, values in joined.items()}
+    joined = {name: values[:, finite] for name, values in joined.items()}
     tubes = {name: joined[name][0] for name in GEOMETRY} | {"axial_stretch": joined["at_each"][0]}
     return Measured(tubes, joined["radius"], joined["axial_stretch"], joined["pressure"])
 

@@ -74,10 +74,10 @@ def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -
     """
     posterior = read_draws(tree, "posterior")
     data = inflation_data_of(tree) if holds_inflation_data(tree) else None
-    own = data if specimen is None else tests_of(data, str(specimen))
+    of_specimen = data if specimen is None else tests_of(data, str(specimen))
     if not specimens_differ(tree):
         posterior = _with_one_tube(posterior, specimen)
-        return Member(posterior, own, data, None if specimen is None else str(specimen))
+        return Member(posterior, of_specimen, data, None if specimen is None else str(specimen))
     if "thickness" in wall[0].values and wall != wall_of(tree):
         raise TypeError(
             "energy is not the one of the model (its layers, or its one strain energy), whose "
@@ -85,7 +85,7 @@ def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -
         )
     if specimen is not None:
         posterior = _of_specimen(tree, wall, str(specimen))
-        return Member(posterior, own, own, str(specimen))
+        return Member(posterior, of_specimen, of_specimen, str(specimen))
     scale = _scale(tree, wall)
     location = posterior["location"].transpose("coordinate", "chain", "draw")
     return Member(_parameters(scale, location), data, data, TYPICAL)

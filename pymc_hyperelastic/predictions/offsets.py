@@ -62,8 +62,8 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> of_test = ("chain", "draw", "test")
-    >>> known = {"force_offset_mean": 3.0, "force_offset_error": 0.1}
-    >>> posterior = xr.Dataset({k: (of_test, [[[v]] * 400]) for k, v in known.items()})
+    >>> moments = {"force_offset_mean": 3.0, "force_offset_error": 0.1}
+    >>> posterior = xr.Dataset({k: (of_test, [[[v]] * 400]) for k, v in moments.items()})
     >>> offsets = ph.force_offsets(xr.DataTree.from_dict({"posterior": posterior}))
     >>> round(offsets["force_offset"].mean().item(), 1)
     3.0
@@ -96,16 +96,16 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     if "axial_force" not in data or not knows_offsets(tree):
         return data
     mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], _BY_TEST).mean(["chain", "draw"])
-    known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
+    offsets = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]
     with_forces = [tests[i] for i in sorted(set(test[force.notnull().values].tolist()))]
-    strange = [name for name in with_forces if name not in known]
-    if strange:
-        others = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+    unknown = [name for name in with_forces if name not in offsets]
+    if unknown:
+        others = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
         warn_user(
-            f"{strange[0]}{others}: the result was not fitted to these tests, and has no offset of "
+            f"{unknown[0]}{others}: the result was not fitted to these tests, and has no offset of "
             "their force transducer; their forces are shown as measured"
         )
-    offset = np.array([known.get(name, 0.0) for name in tests])[test]
+    offset = np.array([offsets.get(name, 0.0) for name in tests])[test]
     return data.assign(axial_force=force.copy(data=force.values - offset))
