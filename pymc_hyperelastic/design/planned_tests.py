@@ -134,7 +134,8 @@ def radii_of(
     """Return internal radii (mm), (specimen, obs), of specimens in these tests.
 
     A specimen that cannot bear a test has NaN. Specimens are given by the variables of their model,
-    along the first axis. `tube` and `sds` have the measures of the tube and their standard errors.
+    along the first axis. `tube` has the measures of the tube, and `sds` the standard deviations of
+    their errors.
     """
     by_test = bool(kind.experiment_effect)
     found = []

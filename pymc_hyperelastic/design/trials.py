@@ -211,7 +211,7 @@ class Simulation:
 
 
 def _sd_of(name: str, given: float | None, classes: xr.DataTree) -> float:
-    """Return the standard error of a measure of the tube: `given`, or the specimens' median."""
+    """Return the standard deviation of a measure's error: `given`, or the specimens' median."""
     if given is not None:
         return given
     parts = [

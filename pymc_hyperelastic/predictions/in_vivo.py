@@ -67,8 +67,8 @@ def _report(undefined: NDArray[np.bool_], pressure: Array, without_force: bool) 
         (low, high), (diastole, systole) = _STRETCHES[[0, -1]], pressure
         warn_user(
             f"of {undefined.size} draws {undefined.sum()} have no in vivo axial stretch from "
-            f"{low:g} to {high:g}, at which the reduced axial force turns from falling to rising between "
-            f"{diastole:.4g} and {systole:.4g} kPa; the values are NaN there"
+            f"{low:g} to {high:g}, at which the reduced axial force turns from falling to rising "
+            f"between {diastole:.4g} and {systole:.4g} kPa; the values are NaN there"
         )
     if without_force and not undefined.all():
         warn_user(
