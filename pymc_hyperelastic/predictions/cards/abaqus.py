@@ -2,8 +2,8 @@
 
 Sources: for the strain energies, Abaqus Analysis User's Guide, "Hyperelastic behavior of rubberlike
 materials" and "Anisotropic hyperelastic behavior"; for the keywords, Abaqus Keywords Guide,
-*HYPERELASTIC, *ANISOTROPIC HYPERELASTIC and *ORIENTATION; for the format of lines, "Input syntax
-rules"; CalculiX CrunchiX User's Manual, *HYPERELASTIC.
+``*HYPERELASTIC``, ``*ANISOTROPIC HYPERELASTIC`` and ``*ORIENTATION``; for the format of lines,
+"Input syntax rules"; CalculiX CrunchiX User's Manual, ``*HYPERELASTIC``.
 """
 
 from collections.abc import Sequence

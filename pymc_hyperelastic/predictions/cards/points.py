@@ -127,7 +127,7 @@ def _which(posterior: xr.Dataset, place: int) -> str:
 
 
 def _nearest_the_mean(wall: Sequence[NamedLayer], flat: list[dict[str, Array]]) -> int:
-    """Index of the draw nearest the mean; the first one of equally near draws.
+    """Return the index of the draw nearest the mean; of equally near draws, the first one.
 
     Each parameter is divided by its standard deviation. The covariance is not used: with fewer
     draws than parameters, all draws have the same Mahalanobis distance from their mean.
