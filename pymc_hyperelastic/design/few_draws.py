@@ -148,7 +148,7 @@ class FewDraws:
         self.effective = np.where(probability < _IMPROBABLE, np.inf, effective)
 
     def _fitted(self, k: int, rng: np.random.Generator) -> GaussianMixture:
-        """Fit a mixture to the draws weighted for class `k`, tempered so that enough count."""
+        """Fit a mixture to the draws weighted for class `k`, tempered for enough effective ones."""
         possible = np.isfinite(self.log_terms[k])
         points, log_terms = self.points[possible], self.log_terms[k, possible]
         fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)

@@ -211,7 +211,7 @@ def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
 
 def _upper_hull(at: Array, x: Array, y: Array) -> Array:
     """Return the upper edge of the convex hull of points (x, y), interpolated at `at`."""
-    # Stretches that differ by rounding errors only count as equal.
+    # Stretches that differ only by rounding errors count as equal.
     at, x = at.round(_DIGITS), x.round(_DIGITS)
     hull: list[tuple[float, float]] = []
     for place in np.unique(x):
