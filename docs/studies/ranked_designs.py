@@ -65,7 +65,7 @@ def tested(x: np.ndarray, prefix: str, design: dict) -> xr.Dataset:
 
 
 def main() -> None:
-    warnings.filterwarnings("ignore", message=".*(lack|reach|cannot do that)")
+    warnings.filterwarnings("ignore", message=".*(lack|reach|cannot bear it)")
     args.out.parent.mkdir(parents=True, exist_ok=True)
     settings = {"random_seed": args.seed, "progressbar": False}
     groups = {name: specimens(args.train, name, DESIGNS["many, all"])[0] for name in PLACES}

@@ -1,1 +1,1 @@
-"""Planned work: what tests would tell, and how large a study must be."""
+"""Plan tests and studies: the expected information of tests, and the size of a study."""

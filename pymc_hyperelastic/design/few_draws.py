@@ -1,4 +1,8 @@
-"""Evidences of one specimen under several classes from few draws, for very many specimens."""
+"""Estimate the evidences of one specimen under several classes by cheap importance sampling.
+
+:mod:`~pymc_hyperelastic.design.trials` needs them for thousands of simulated specimens. The method
+is multiple importance sampling with the balance heuristic (Veach and Guibas 1995).
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,46 +24,50 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 Array = NDArray[np.float64]
 
-# Share of the draws of a class's proposal that are from the class itself.
+# Fraction of a proposal's draws that come from the class itself: it bounds weights in the tails.
 _OF_CLASS = 0.25
-# Components of a proposal, at most.
+# Largest number of components of a proposal: further ones have little weight.
 _COMPONENTS = 60
-# Factor by which the variances of a fitted proposal are enlarged.
+# Factor by which the variances of a fitted proposal are enlarged, against large weights.
 _WIDER = 1.2
-# Degrees of freedom of a proposal.
+# Degrees of freedom of the proposal's Student distributions: their tails are heavier than normal.
 _FREEDOM = 6.0
-# Fraction of the draws of a class that are to be effective.
+# Fraction of a class's draws that must be effective.
 _EFFECTIVE = 0.25
-# Probability of a class below which it does not matter how many are.
+# Class probability below which the number of effective draws is not checked.
 _IMPROBABLE = 1e-3
-# Rounds of fresh draws, at most; a proposal that was not good enough gets twice as many draws.
+# Largest number of repetitions; each doubles the draws of a class with too few effective draws.
 _MOST_ROUNDS = 3
-# Effective draws to which a proposal is fitted, for each dimension.
+# Effective draws per dimension to which a proposal is fitted.
 _FOR_SHAPE = 4
-# Largest fraction of the draws that is to be effective for such a fit.
+# Largest fraction of effective draws to which tempering aims for such a fit.
 _MOST_FOR_SHAPE = 0.5
-# Draws of the prior for each draw of a proposal, of which the best is a starting point.
+# Draws of the prior per draw of a proposal; the best is the starting point of the optimisation.
 _DRAWS_OF_PRIOR = 20
-# Step of central differences of a prior, in widths of the posterior.
+# Step of central differences of a log prior, in posterior standard deviations.
 _STEP = 1e-2
 
 
 class KnownClass(NamedTuple):
-    """A class, and its specimens with some number of tests as a mixture of normal distributions."""
+    """A class, and the normal mixture of its specimens, with one component per draw."""
 
     distributions: ClassDistribution
     near: ClassDistribution
-    """A single distribution like those of the class, and wider."""
+    """Single distribution that is similar to those of the class, but wider."""
     means: Array
-    """Means of points of the target, (draw, entry)."""
+    """Means of the components in the coordinates of the target, (draw, entry)."""
     precisions: Array
-    """Inverses of the covariances."""
+    """Inverse covariances of the components, (draw, entry, entry)."""
 
 
 def known_class(distributions: ClassDistribution, tests: int, measures: int) -> KnownClass:
-    """Return a class of specimens with a number of tests and of inferred measures of the tube."""
+    """Return a class as a normal mixture of its specimens.
+
+    `tests` is the number of tests of each specimen, and `measures` the number of inferred measures
+    of its tube.
+    """
     means, covariances = _moments(distributions, tests)
-    # The deviations of the tube come last, and are standard normal.
+    # The last entries are the deviations of the tube, which are standard normal.
     tube = np.ones((len(means), measures))
     precisions = _and_independent(np.linalg.inv(covariances), tube)
     means = np.pad(means, [(0, 0), (0, measures)])
@@ -67,25 +75,26 @@ def known_class(distributions: ClassDistribution, tests: int, measures: int) -> 
 
 
 class FewDraws:
-    """Draws of what a specimen may be, and their weights under each class.
+    """Draws of a specimen's coordinates, and their importance weights under each class.
 
-    The proposal of a class is a mixture of the class itself and of its posterior under the
-    assumption that the tests' standard errors are linear around the best specimen. The class is a
-    mixture of normal distributions, and so is this posterior. All draws count for all classes, as
-    draws of the mixture of all proposals. For classes of which too few are effective, proposals are
-    fitted to the draws; these are then dropped, and fresh ones are made of all proposals.
+    The proposal of a class mixes the class with its posterior for a linearised model: the
+    standardised residuals of the tests are linear around the best specimen. The class is a mixture
+    of normal distributions, and so is this posterior. The evidence of each class uses the draws of
+    all proposals, weighted by the density of the mixture of the proposals. If a class has too few
+    effective draws, its proposal is fitted to the weighted draws; then all draws are replaced by
+    new ones.
 
     Attributes
     ----------
     points : array, shape (draw, entry)
-        Points of the sampler's target.
+        Draws in the coordinates of the sampler's target.
     log_terms : array, shape (class, draw)
-        Logarithms of likelihood and density under the class, by the density of the draws: their
-        means are the evidences.
-    effective : array, shape (class)
-        Effective draws of each class; infinite where it is too improbable to matter.
+        Log importance weights: log likelihood, plus log density under the class, minus log density
+        of the mixture of proposals. The mean of the weights is the evidence of the class.
+    effective : array, shape (class,)
+        Effective draws of each class; infinite if the class is too improbable to matter.
     proposals : list of Reference
-        Of the classes.
+        Proposals of the classes.
 
     References
     ----------
@@ -124,13 +133,13 @@ class FewDraws:
                 self.proposals[k] = Reference(self._fitted(k, rng), _OF_CLASS)
 
     def _draw(self, counts: Array, rng: np.random.Generator) -> None:
-        """Draw points of all proposals, and weight them for each class."""
+        """Draw points from all proposals, and compute their weights for each class."""
         drawn = zip(self.proposals, self._priors, counts, strict=True)
         self.points = np.concatenate([q.draw(prior.draw, n, rng) for q, prior, n in drawn])
         of_classes = np.stack([prior.log_density(self.points) for prior in self._priors])
         density = [
-            np.log(n) + q.log_density(self.points, own)
-            for q, own, n in zip(self.proposals, of_classes, counts, strict=True)
+            np.log(n) + q.log_density(self.points, of_class)
+            for q, of_class, n in zip(self.proposals, of_classes, counts, strict=True)
         ]
         log_proposal = logsumexp(density, axis=0) - np.log(len(self.points))
         self.log_terms = self._target.score(self.points)[1] + of_classes - log_proposal
@@ -139,7 +148,7 @@ class FewDraws:
         self.effective = np.where(probability < _IMPROBABLE, np.inf, effective)
 
     def _fitted(self, k: int, rng: np.random.Generator) -> GaussianMixture:
-        """Fit a mixture to draws weighted for one class, tempered until enough are effective."""
+        """Fit a mixture to the draws weighted for class `k`, tempered for enough effective ones."""
         possible = np.isfinite(self.log_terms[k])
         points, log_terms = self.points[possible], self.log_terms[k, possible]
         fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)
@@ -150,21 +159,24 @@ class FewDraws:
 
 
 def _best_of_prior(target: SpecimenTarget, count: int, rng: np.random.Generator) -> Array:
-    """Return the best of `count` points of the prior."""
+    """Return the draw with the largest posterior density of `count` draws of the prior."""
     points = target.draw_prior(count, rng)
     return points[[np.argmax(np.add(*target.score(points)))]]
 
 
 def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array]:
-    """Means (draw, entry) and covariances of the specimens of each distribution, as points."""
+    """Return means (draw, entry) and covariances of specimens for each draw of a distribution.
+
+    The entries are the coordinates of the target: material, by test if tests differ, and noise.
+    """
     location = np.asarray(distributions.location)[..., 0].T
     covariance = distributions.covariance()
     if distributions.experiment_spread is not None:
         location = np.repeat(location, tests, axis=1)
         within = distributions.variance_of_tests()
-        alike, own = np.ones((tests, tests)), np.eye(tests)
+        shared, separate = np.ones((tests, tests)), np.eye(tests)
         of_tests = within[:, :, None] * np.eye(within.shape[1])
-        covariance = np.kron(covariance, alike) + np.kron(of_tests, own)
+        covariance = np.kron(covariance, shared) + np.kron(of_tests, separate)
     if distributions.log_size is None:
         return location, covariance
     noise, spread = (
@@ -175,7 +187,7 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
 
 
 def _and_independent(matrices: Array, more: Array) -> Array:
-    """Return matrices (draw, entry, entry) with more entries (draw, entry) on their diagonals."""
+    """Extend matrices (draw, entry, entry) by further diagonal entries (draw, entry)."""
     size = matrices.shape[1]
     continued = np.pad(matrices, [(0, 0), (0, more.shape[1]), (0, more.shape[1])])
     places = np.arange(size, size + more.shape[1])
@@ -184,10 +196,11 @@ def _and_independent(matrices: Array, more: Array) -> Array:
 
 
 def _around(target: SpecimenTarget, top: Maxima, known: KnownClass) -> GaussianMixture:
-    """Return the posterior of a specimen whose standard errors are linear around a point.
+    """Return the posterior of a specimen, for a log likelihood that is quadratic around a point.
 
-    For a prior ``N(m, P⁻¹)`` and a log likelihood with the gradient ``g`` and the curvature ``H``
-    at ``x`` the posterior is ``N(V (P m + H x + g), V)`` with ``V = (P + H)⁻¹``.
+    For a component ``N(m, P⁻¹)`` of the class, and a log likelihood with the gradient ``g`` and the
+    negative Hessian ``H`` at ``x``, the posterior is ``N(V (P m + H x + g), V)`` with
+    ``V = (P + H)⁻¹``.
     """
     (x,), (width,) = top.points, top.widths
     _, (gradient,), curvatures = target.derivatives(top.points, top.widths)

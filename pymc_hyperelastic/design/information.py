@@ -1,4 +1,7 @@
-"""What planned tests are expected to tell: of the class of a specimen, or of what it is like."""
+"""Estimate the expected information of planned tests about a specimen's class or properties.
+
+It is the mutual information of Bayesian experimental design (Lindley 1956).
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,15 +24,15 @@ from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
-# Effective draws by which a class is known of a specimen.
+# Effective inner draws below which the evidence of a class for a specimen counts as unreliable.
 _ENOUGH = 20
-# Share of specimens with fewer effective draws from which on there is a warning.
+# Fraction of specimens with fewer effective draws above which there is a warning.
 _MOST_UNSURE = 0.05
-# Change with half of the inner draws from which on there is a warning, in nats.
+# Change of the information with half of the inner draws above which there is a warning, nats.
 _BIASED = 0.02
-# The same in its standard errors.
+# The same in standard errors of the change: both limits must be exceeded.
 _ERRORS = 3.0
-# Specimens by which the density of a quantity is known before a test.
+# Number of simulated specimens for the density of a quantity before the tests.
 _BEFORE = 2000
 # Digits to which information, in nats, and probabilities are rounded before they are compared, so
 # that rounding errors do not decide.
@@ -53,91 +56,97 @@ def expected_information(
     draws: int = 256,
     random_seed: Any = None,
 ) -> xr.Dataset:
-    r"""Estimate what planned tests of a new specimen are expected to tell, before they are run.
+    r"""Estimate the expected information of planned tests of a new specimen.
 
-    Specimens are drawn from the classes, and measured in every design as the classes say that it is
-    measured, with errors. Of each it is known to which class it belongs, and found how much more
-    probable a laboratory would hold that after the test than before.
+    Specimens are drawn from the classes, and their tests are simulated for each design, with the
+    measurement errors of the classes. The information is the mean increase of the log probability
+    of the true class from before to after the tests.
 
     Parameters
     ----------
     classes : xarray.DataTree
         Result of :func:`fit_classes` with ``variability="specimen"``.
     designs : dict
-        Planned tests by a name of their own. A test is a dict with
+        Planned tests, by names that the user chooses. A test is a dict with
 
-        ``"pressure"`` or ``"radius"``: a number, which is held, or a pair, ``(low, high)``, over
-        which it rises; an internal pressure in `pressure_unit` or an internal radius in mm.
+        ``"pressure"`` or ``"radius"``: internal pressure in `pressure_unit`, or internal radius in
+        mm. A number is held constant; a pair ``(low, high)`` is the range of an increasing one.
 
-        ``"axial_stretch"``: one number, or a pair if the tube is extended while pressure or radius
-        are held; 1 if left out.
+        ``"axial_stretch"``: a number, or a pair if the tube is extended at a held pressure or
+        radius; 1 by default.
 
-        ``"points"``: how many are measured, evenly spaced; 20 if left out.
+        ``"points"``: number of measured points, evenly spaced; 20 by default.
 
-        ``"force"``: whether the axial force is measured as well; if left out, whether it was of the
-        specimens of the classes.
+        ``"force"``: True if the axial force is measured; by default, True if it was measured in the
+        classes.
 
-        Several tests of one specimen are a list of such dicts.
+        Give a list of such dicts for several tests of one specimen.
     about : str, default "class"
-        What the tests should tell of: the class, or a quantity of the specimen itself as
-        :func:`compare_classes` knows them, such as ``"alpha"`` or ``"compliance"``.
+        Subject of the information: the class, or a quantity of the specimen as in
+        :func:`compare_classes`, such as ``"alpha"`` or ``"compliance"``.
     given : xarray.Dataset, optional
-        Tests that the specimen has had already. What is expected is what further ones add.
+        Earlier tests of the specimen. The information is then that of the planned tests given the
+        earlier ones.
     pressure, pressure_range : optional
-        Where a property is looked at, in `pressure_unit`, as in :func:`compare_classes`.
+        Pressures at which a property is computed, in `pressure_unit`, as in
+        :func:`compare_classes`.
     pressure_unit : str, default "kPa"
-        Unit of these, and of the pressures of the designs.
+        Unit of these pressures, and of the pressures of the designs.
     tube : dict of str to float, optional
         ``inner_radius``, ``outer_radius`` (mm) and ``opening_angle`` (rad) of the new specimen.
-        What is left out is as it was `given`, or the median of the specimens of the classes. A
-        property is looked at in this tube, at its ``axial_stretch``.
+        By default they are those in `given`, or the medians of the specimens of the classes. A
+        property is computed for this tube, at its ``axial_stretch``.
     class_prior : dict of str to float, optional
-        Probabilities of the classes beforehand; all equal if left out.
+        Prior probabilities of the classes; equal by default.
     stop_below : float, optional
-        Say whether any design may be expected to tell more than so many nats.
+        Limit in nats. The result then states whether any design may be expected to give more
+        information.
     specimens : int, default 200
-        Specimens that are simulated, the same for all designs.
+        Number of simulated specimens, which are the same for all designs.
     draws : int, default 256
-        Inner draws for each specimen and class.
+        Number of inner draws for each specimen and class.
     random_seed : int or sequence of int, optional
         Seed.
 
     Returns
     -------
     xarray.Dataset
-        By ``design``, the one that tells most first. All but shares are in nats.
+        Variables with the dimension ``design``, sorted by decreasing information, in nats except
+        for fractions:
 
-        ``information``, ``information_se`` : what is expected, and its standard error.
+        ``information``, ``information_se`` : expected information and its standard error.
 
-        ``difference``, ``difference_se`` : to the first design, specimen by specimen: they are the
-        same in all designs, so that a difference is known better than by the errors of both.
+        ``difference``, ``difference_se`` : information minus that of the first design, and its
+        standard error. All designs have the same specimens, so that the error of a difference is
+        smaller than those of the two designs suggest.
 
-        ``change_by_half``, ``change_by_half_se`` : how much larger `information` is than with half
-        of the inner draws. A mean of logarithms of means is biased, by about twice as much with
-        half of them: what is left is as large as this.
+        ``change_by_half``, ``change_by_half_se`` : information minus that with half of the inner
+        draws, and its standard error. The estimate has a bias that is about inversely proportional
+        to the number of draws; the remaining bias is therefore about as large as this change.
 
-        ``gain`` (design, specimen) : of each simulated specimen; NaN where it cannot be tested so.
+        ``gain`` (design, specimen) : information for each simulated specimen; NaN if the specimen
+        cannot bear the tests.
 
-        ``lacking`` : share of these. ``unsure`` : share of the specimens of which less than 20
-        inner draws of some class that matters are effective.
+        ``lacking`` : fraction of specimens that cannot bear the tests. ``unsure`` : fraction of
+        specimens with fewer than 20 effective inner draws for some class that is not negligible.
 
-        ``tests`` : what is done in each design, in words.
+        ``tests`` : description of the tests of each design.
 
-        Attributes: ``entropy``, of the class before the tests, which is the most that can be told
-        of it; with `stop_below` also ``stop``, 0 or 1, and ``words``.
+        Attributes: ``entropy`` of the class before the tests, which is the largest possible
+        information about the class; with `stop_below` also ``stop`` (0 or 1) and ``words``.
 
     Warns
     -----
     UserWarning
         If more inner draws are needed, some specimens cannot bear a design, or the fit of a class
-        is not to be trusted.
+        is not reliable.
 
     Raises
     ------
     TypeError, ValueError
-        If classes have no variability, a design is none, more than a fifth of the specimens
-        cannot bear it, or it measures a force whose error the classes do not know; if a quantity is
-        unknown or lacks its pressure, or `given` is not of one specimen.
+        If the classes have no variability, a design is invalid, more than a fifth of the specimens
+        cannot bear it, or it measures a force although the classes have no error of the force; if a
+        quantity is unknown or lacks its pressure, or `given` has several specimens.
 
     See Also
     --------
@@ -145,24 +154,24 @@ def expected_information(
 
     Notes
     -----
-    Of the class ``k``, with data ``y``,
+    For the class ``k`` and data ``y``,
 
     .. math:: I = E\left[\ln \frac{P(k \mid y)}{P(k)}\right]
         = E\left[\ln \frac{Z_k(y)}{\sum_l P(l) Z_l(y)}\right], \qquad
         Z_k(y) = \int p(y \mid x) \, p_k(x) \, dx,
 
-    the mutual information of class and data [1]_. An evidence ``Z`` is a mean over inner draws by
-    importance, of specimens ``x`` near the best one of each class; ``p_k`` is averaged over what
-    the class's distribution may be. It is the expected rise of the log score of
-    :func:`score_probabilities` as well.
+    is the mutual information of class and data [1]_. Each evidence ``Z_k`` is estimated by
+    importance sampling, with inner draws of specimens ``x`` near the best one of each class; the
+    density ``p_k`` is averaged over the posterior of the class's distribution. The information is
+    also the expected increase of the log score of :func:`score_probabilities`.
 
-    Of a quantity ``q`` it is :math:`E[\ln p(q \mid y) - \ln p(q)]`, with the densities of normal
-    kernels over the draws; that is of its logarithm where all are positive, for which the
-    information is the same. Densities of kernels are somewhat too wide, and the information is
-    somewhat too small: compare designs by it.
+    For a quantity ``q`` the information is :math:`E[\ln p(q \mid y) - \ln p(q)]`, with kernel
+    density estimates. If all values are positive, the densities are those of ``ln q``, for which
+    the information is the same. Kernel densities are somewhat too wide, so that the information is
+    somewhat too small: use it to compare designs.
 
-    A class fitted with ``experiment_effect=True`` lets each test of a specimen have a material of
-    its own; a quantity is then that of the specimen, around which these are.
+    In classes fitted with ``experiment_effect=True`` the material varies between the tests of a
+    specimen; a quantity then belongs to the specimen's mean coordinates.
 
     References
     ----------
@@ -192,13 +201,13 @@ def expected_information(
     check_count("specimens", specimens, 10)
     check_count("draws", draws, 32)
     if not isinstance(designs, Mapping) or not designs:
-        raise ValueError("designs must be a dict from names to planned tests, and hold one or more")
+        raise ValueError("designs must be a dict from names to planned tests, with at least one")
     if about != "class" and about not in known_quantities(kind):
         raise ValueError(f"about is {about!r}; expected 'class' or one of {known_quantities(kind)}")
     planned = {str(n): as_design(str(n), d, kind, pressure_unit) for n, d in designs.items()}
-    wanted = [] if about == "class" else [about]
+    quantities = [] if about == "class" else [about]
     where = pressure, pressure_range, pressure_unit, 1060.0, dict(tube or {})
-    place = place_of(classes, wanted, *where)
+    place = place_of(classes, quantities, *where)
     log_prior = _log_prior(names, class_prior)
     simulation = Simulation(kind, classes, place, given, log_prior, draws)
     seeds = np.random.SeedSequence(random_seed).spawn(3)
@@ -220,10 +229,11 @@ def expected_information(
 def _kind(classes: Any) -> Variability:
     if not isinstance(classes, xr.DataTree):
         raise TypeError(
-            f"classes must be a result of ph.fit_classes, of one law, not {type(classes).__name__}"
+            "classes must be a result of ph.fit_classes, for one strain energy, not "
+            f"{type(classes).__name__}"
         )
     return kind_of_variable_classes(
-        classes, "what a test tells of a new specimen is known of classes whose specimens differ"
+        classes, "expected_information needs classes whose specimens differ"
     )
 
 
@@ -246,7 +256,11 @@ def _result(
     about: str,
     stop_below: float | None,
 ) -> xr.Dataset:
-    """Means over specimens, and what follows from them."""
+    """Summarise gains (nats) over specimens, with warnings, and sort the designs.
+
+    `gains` has the shape (2, design, specimen), with all and with half of the inner draws;
+    `effective` has the effective draws, (design, specimen).
+    """
     gain, of_half = gains
     counted = np.isfinite(gain)
     information, error = _mean_and_error(gain)
@@ -276,16 +290,16 @@ def _result(
     for name, share in zip(planned, unsure, strict=True):
         if share > _MOST_UNSURE:
             warn_user(
-                f"design {name!r}: of {share:.0%} of the specimens less than {_ENOUGH} draws are "
-                "effective, and what it tells of these is not known: give more draws"
+                f"design {name!r}: {share:.0%} of the specimens have fewer than {_ENOUGH} "
+                "effective draws, so that their information is unreliable: increase draws"
             )
     for name, moved, its_error in zip(planned, change, change_se, strict=True):
         if abs(moved) > max(_BIASED, _ERRORS * its_error):
             warn_user(
-                f"design {name!r}: what it tells changes by {moved:.3f} nats if half of the draws "
-                "are left away, and is not known better: give more draws"
+                f"design {name!r}: the information changes by {moved:.3f} nats if half of the "
+                "draws are left out, and is at best as accurate as that: increase draws"
             )
-    # Equally informative designs stay in the order of the argument.
+    # A stable sort keeps equally informative designs in the order of the argument.
     order = np.argsort(-information.round(_DIGITS), kind="stable")
     result = result.isel(design=order)
     before = np.exp(tried.log_before)
@@ -295,14 +309,14 @@ def _result(
         most = int(np.nanargmax((information + 2 * error).round(_DIGITS)))
         attrs["stop"] = int(information[most] + 2 * error[most] < stop_below)
         attrs["words"] = (
-            f"no design is expected to tell more than {stop_below:g} nats: stop"
+            f"no design is expected to give more than {stop_below:g} nats of information: stop"
             if attrs["stop"]
-            else f"{list(planned)[most]!r} may tell more than {stop_below:g} nats"
+            else f"{list(planned)[most]!r} may give more than {stop_below:g} nats of information"
         )
     return result.assign_attrs(attrs)
 
 
 def _mean_and_error(values: Array) -> tuple[Array, Array]:
-    """Mean over specimens, and its standard error."""
+    """Return the mean over specimens without NaN, and its standard error."""
     count = np.isfinite(values).sum(axis=1)
     return np.nanmean(values, axis=1), np.nanstd(values, axis=1, ddof=1) / np.sqrt(count)

@@ -1,4 +1,4 @@
-"""Planned tests, and specimens in them: the radii that each would have."""
+"""Read planned tests from the user's settings, and compute the radii of specimens in them."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple, cast
@@ -18,37 +18,43 @@ from pymc_hyperelastic.predictions.members import posterior_of
 
 Array = NDArray[np.float64]
 
+# Number of points of a test by default.
 _POINTS = 20
+# Settings of a test that a user may give.
 _SETTINGS = ("pressure", "radius", "axial_stretch", "points", "force")
-# kPa: a pressure that is not larger is 0 but for rounding errors. A tube without pressure is not
-# held at a radius.
+# Pressure below which a tube counts as not inflated, kPa: 0 up to rounding errors. A test at a held
+# radius needs a larger one.
 _NO_PRESSURE = 1e-9
 
 
 class PlannedTest(NamedTuple):
-    """A test at so many points."""
+    """A planned test: pressure or radius, and axial stretch, at each point."""
 
     control: str
-    """``"pressure"`` or ``"radius"``."""
+    """Controlled variable, ``"pressure"`` or ``"radius"``."""
     held: Array
-    """What the control is held at, or rises over, kPa or mm."""
+    """Values of the controlled variable, constant or increasing, kPa or mm, (point,)."""
     axial_stretch: Array
-    """Held, or rising."""
+    """Axial stretches, constant or increasing, (point,)."""
     force: bool
+    """True if the axial force is measured."""
     words: str
-    """What is varied, and what is held, as a user stated it."""
+    """Description of the test, in the user's units."""
 
 
 Design = list[PlannedTest]
 
 
 def words_of(design: Design) -> str:
-    """What is done in the tests."""
+    """Return a description of the tests of a design."""
     return "; ".join(test.words for test in design)
 
 
 def as_design(name: str, given: Any, kind: Variability, pressure_unit: str) -> Design:
-    """One or several tests as a user states them."""
+    """Convert the user's dict, or list of dicts, to a design; raise if a setting is invalid.
+
+    `name` is the name of the design in errors, and `kind` describes the classes.
+    """
     tests = [given] if isinstance(given, Mapping) else list(given)
     if not tests:
         raise ValueError(f"design {name!r} has no tests")
@@ -56,58 +62,65 @@ def as_design(name: str, given: Any, kind: Variability, pressure_unit: str) -> D
 
 
 def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> PlannedTest:
-    who = f"design {name!r}"
+    label = f"design {name!r}"
     if not isinstance(given, Mapping):
         raise TypeError(
-            f"{who}: a test is a dict such as {{'pressure': (10, 140), 'axial_stretch': 1.5}}, not "
-            f"{given!r}"
+            f"{label}: a test is a dict such as {{'pressure': (10, 140), 'axial_stretch': 1.5}}, "
+            f"not {given!r}"
         )
-    strangers = [key for key in given if key not in _SETTINGS]
-    if strangers:
-        raise ValueError(f"{who}: {strangers[0]!r} is unknown; a test has {list(_SETTINGS)}")
+    unknown = [key for key in given if key not in _SETTINGS]
+    if unknown:
+        raise ValueError(f"{label}: {unknown[0]!r} is unknown; a test has {list(_SETTINGS)}")
     controls = [name for name in ("pressure", "radius") if name in given]
     if len(controls) != 1:
-        raise ValueError(f"{who}: a test has either a 'pressure' or a 'radius'; got {controls}")
+        raise ValueError(f"{label}: a test has either a 'pressure' or a 'radius'; got {controls}")
     points = given.get("points", _POINTS)
-    check_count(f"{who}: points", points, 1)
+    check_count(f"{label}: points", points, 1)
     with_force = kind.likelihood.with_force
     force = given.get("force", with_force)
     if force and not with_force:
         raise ValueError(
-            f"{who} measures the axial force, and the classes were fitted without its error: it "
-            "would not be known what it tells"
+            f"{label} measures the axial force, but the classes were fitted without its error, so "
+            "that its information cannot be computed: leave out 'force', or fit the classes with a "
+            "force_sd"
         )
     control = controls[0]
-    held = _range(who, control, given[control], points)
+    held = _range(label, control, given[control], points)
     unit = {"pressure": pressure_unit, "radius": "mm"}[control]
-    over = (
+    values = (
         f"{held[0]:.4g} {unit}" if np.ptp(held) == 0 else f"{held[0]:.4g} to {held[-1]:.4g} {unit}"
     )
     if control == "pressure":
         held = np.asarray(to_internal(held, pressure_unit, "pressure"))
-    stretch = _range(who, "axial_stretch", given.get("axial_stretch", 1.0), points)
+    stretch = _range(label, "axial_stretch", given.get("axial_stretch", 1.0), points)
     if np.ptp(held) > 0 and np.ptp(stretch) > 0:
-        raise ValueError(f"{who}: either the {control} or the axial stretch varies, not both")
+        raise ValueError(
+            f"{label}: either the {control} or the axial stretch may vary, but not both"
+        )
     if np.ptp(stretch) > 0 and "axial_stretch" in kind.geometry:
         raise ValueError(
-            f"{who}: the axial stretch varies, and is not known exactly: such a test cannot be "
-            "planned"
+            f"{label}: tests with a varying axial stretch cannot be planned, because the classes "
+            "were fitted with an error of the axial stretch: give one number"
         )
     if held[0] < 0 or (control == "radius" and held[0] == 0) or stretch[0] <= 0:
-        raise ValueError(f"{who}: pressures are 0 or more, and radii and stretches more than 0")
-    words = f"{over} at a stretch of {stretch[0]:.4g}"
+        raise ValueError(
+            f"{label}: pressures must be 0 or more, and radii and stretches more than 0"
+        )
+    words = f"{values} at a stretch of {stretch[0]:.4g}"
     if np.ptp(stretch) > 0:
-        words = f"stretched from {stretch[0]:.4g} to {stretch[-1]:.4g} at {over}"
+        words = f"stretched from {stretch[0]:.4g} to {stretch[-1]:.4g} at {values}"
     return PlannedTest(control, held, stretch, bool(force), words + (", with force" * bool(force)))
 
 
-def _range(who: str, name: str, given: Any, points: int) -> Array:
+def _range(label: str, name: str, given: Any, points: int) -> Array:
     try:
         ends = np.atleast_1d(np.asarray(given, float))
     except (TypeError, ValueError):
         ends = np.empty(0)
     if ends.size not in (1, 2) or not np.isfinite(ends).all() or np.any(np.diff(ends) < 0):
-        raise ValueError(f"{who}: {name} is {given!r}; expected a number, or a pair that rises")
+        raise ValueError(
+            f"{label}: {name} is {given!r}; expected a number, or a pair of increasing numbers"
+        )
     return np.linspace(ends[0], ends[-1], points)
 
 
@@ -118,32 +131,35 @@ def radii_of(
     tube: Mapping[str, float],
     sds: Mapping[str, float],
 ) -> Array:
-    """Internal radii (specimen, obs) of specimens in these tests; NaN where there are none.
+    """Return internal radii (mm), (specimen, obs), of specimens in these tests.
 
-    Specimens are given by the variables of their model, along the first axis.
+    A specimen that cannot bear a test has NaN. Specimens are given by the variables of their model,
+    along the first axis. `tube` has the measures of the tube, and `sds` the standard deviations of
+    their errors.
     """
-    own = bool(kind.experiment_effect)
+    by_test = bool(kind.experiment_effect)
     found = []
     errors = {f"{name}_sd": sd for name, sd in sds.items()}
     deviations = {name: specimens[deviation_name(name)][:, 0] for name in kind.geometry}
     for i, test in enumerate(tests):
         coordinates = [
-            specimens[f"{n}_of_test"][:, i] if own else specimens[n][:, 0] for n in kind.scale.names
+            specimens[f"{n}_of_test"][:, i] if by_test else specimens[n][:, 0]
+            for n in kind.scale.names
         ]
         values = kind.scale.numbers(coordinates)
         held = np.ptp(test.axial_stretch) == 0
         measured = {**tube, **errors} | ({"axial_stretch": test.axial_stretch[0]} if held else {})
-        known = dict(deviated_tube(measured, deviations)) if deviations else measured
+        tubes = dict(deviated_tube(measured, deviations)) if deviations else measured
         if not held:
-            known["axial_stretch"] = test.axial_stretch
+            tubes["axial_stretch"] = test.axial_stretch
         by_specimen = [
-            n for n in GEOMETRY if np.ndim(known.get(n, 0)) and (held or n != "axial_stretch")
+            n for n in GEOMETRY if np.ndim(tubes.get(n, 0)) and (held or n != "axial_stretch")
         ]
-        values |= {name: np.asarray(known.pop(name)) for name in by_specimen}
+        values |= {name: np.asarray(tubes.pop(name)) for name in by_specimen}
         posterior = posterior_of({name: v[None] for name, v in values.items()})
         tree = xr.DataTree.from_dict({"posterior": posterior})
-        there = [n for n in GEOMETRY if n in known and np.isfinite(known[n]).all()]
-        given = {"energy": kind.energy} | {name: known[name] for name in there}
+        finite = [n for n in GEOMETRY if n in tubes and np.isfinite(tubes[n]).all()]
+        given = {"energy": kind.energy} | {name: tubes[name] for name in finite}
         drawn = draws_of(tree, **cast(GivenTube, given))
         if test.control == "pressure":
             found.append(drawn.tube.radius_at(test.held)[0])
@@ -156,7 +172,7 @@ def radii_of(
 def empty_data(
     kind: Variability, tests: Design, tube: Mapping[str, float], sds: Mapping[str, float]
 ) -> xr.Dataset:
-    """Data of a specimen in these tests, whose radii and measured values are still to come."""
+    """Return a Dataset of one specimen in these tests; radii and measured values are NaN."""
     of_points = np.repeat(np.arange(len(tests)), [len(t.held) for t in tests])
     stretches = [t.axial_stretch for t in tests]
     varies = any(np.ptp(s) > 0 for s in stretches)
@@ -177,7 +193,7 @@ def empty_data(
 
 
 def _labels(of_points: NDArray[np.intp], tests: int) -> dict[str, Any]:
-    """Of the tests of one specimen, to which the points belong."""
+    """Return coordinates of one specimen; `of_points` has the test of each point."""
     return {
         "test": ("obs", of_points),
         "row": ("obs", np.arange(len(of_points))),
@@ -188,7 +204,7 @@ def _labels(of_points: NDArray[np.intp], tests: int) -> dict[str, Any]:
 
 
 def beside(given: xr.Dataset | None, planned: xr.Dataset) -> xr.Dataset:
-    """Tests that a specimen has had, and those planned for it, as one dataset."""
+    """Join earlier tests of a specimen, if any, and its planned tests to one Dataset."""
     if given is None:
         return planned
     varies = any("obs" in data["axial_stretch"].dims for data in (given, planned))

@@ -1,4 +1,7 @@
-"""What a study with so many specimens of each group would find."""
+"""Simulate studies of different sizes from a pilot, to choose the number of specimens per group.
+
+The shares of studies that reach a decision are assurances, see :func:`plan_study`.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -24,36 +27,43 @@ from pymc_hyperelastic.predictions.members import names_of_specimens, stored_dra
 
 Array = NDArray[np.float64]
 
+# Numbers of specimens per group by default, in about equal steps of the logarithm.
 _SIZES = (4, 6, 8, 12, 20, 40)
-# By how much wider a normal distribution than its class tells what curves say of a specimen, and
-# what they are said to tell at least, as a share of that variance.
-_WIDER, _LEAST = 1.5, 0.99
-# Share of the tubes that do not bear the pressure that is told.
-_TOLD = 0.005
+# Standard deviations of the normal prior from which a specimen's likelihood is isolated, relative
+# to its class: wider than the class, so that the curves dominate.
+_WIDENING = 1.5
+# Largest ratio of posterior to prior variance of a specimen in any direction: it keeps the
+# covariance of its likelihood finite where the curves have no information.
+_LARGEST_RATIO = 0.99
+# Fraction of simulated materials without the quantity above which there is a warning.
+_TOLERATED_FRACTION = 0.005
 
 
 class _Pilot(NamedTuple):
-    """What a pilot says of groups, and of how well a specimen becomes known."""
+    """True distributions of the groups in each simulated study, and estimation errors.
+
+    Each study has one draw of the groups' distributions from the pilot.
+    """
 
     location: Array
-    """(group, draw, coordinate)."""
+    """Locations of the groups, (group, study, coordinate)."""
     covariance: Array
-    """Of specimens, (group, draw, coordinate, coordinate)."""
+    """Covariances between specimens, (group, study, coordinate, coordinate)."""
     errors: Array
-    """Covariances (specimen, coordinate, coordinate) of what is found of a specimen."""
+    """Error covariances of the pilot's specimens, (specimen, coordinate, coordinate)."""
 
 
 class _Known(NamedTuple):
-    """What studies know of a group: its location and a new specimen have Student distributions."""
+    """Student distributions of a group's location and of a new specimen, in each study."""
 
     mean: Array
-    """(group, size, study, coordinate)."""
+    """Means, (group, size, study, coordinate)."""
     scale: Array
-    """Matrix of the location (group, size, study, coordinate, coordinate)."""
+    """Scale matrices of the location, (group, size, study, coordinate, coordinate)."""
     wider: Array
-    """Factor of that matrix for a new specimen, by size."""
+    """Factor from these scale matrices to those of a new specimen, (size,)."""
     freedom: Array
-    """Degrees of freedom, by size."""
+    """Degrees of freedom, (size,)."""
 
 
 @one_thread
@@ -74,12 +84,12 @@ def plan_study(
     new_specimens: int = 20,
     random_seed: Any = None,
 ) -> xr.Dataset:
-    r"""Estimate what a study with so many specimens of each group would find, by a pilot.
+    r"""Estimate from a pilot what studies with different numbers of specimens would find.
 
-    The pilot does not know how much groups differ. Each simulated study has a truth of its own, one
-    that the pilot holds for possible; its specimens are measured as well as those of the pilot, and
-    what :func:`compare_classes` would make of them is found for all numbers of specimens. Shares of
-    studies are then *assurances* [1]_, not the power at one guess.
+    The pilot leaves the difference of the groups uncertain. Each simulated study therefore draws
+    true distributions of the groups from the pilot's posterior. It measures specimens as accurately
+    as the pilot, and compares groups like :func:`compare_classes`, for all numbers of specimens.
+    Fractions of studies are then *assurances* [1]_, not the power at one assumed difference.
 
     Parameters
     ----------
@@ -87,57 +97,62 @@ def plan_study(
         The pilot: result of :func:`fit_classes` with ``variability="specimen"``, of two classes or
         more.
     quantity : str or sequence of str
-        What groups are to be compared by, as in :func:`compare_classes`.
+        Quantities by which groups are compared, as in :func:`compare_classes`.
     specimens : sequence of int, default (4, 6, 8, 12, 20, 40)
-        Specimens of each group.
+        Numbers of specimens per group.
     pressure, pressure_range, pressure_unit, density, tube : optional
-        Where a property is looked at, as in :func:`compare_classes`; one pressure.
+        Conditions at which properties are computed, as in :func:`compare_classes`; only one
+        pressure.
     relevant : float, default 0
         Smallest difference that matters, in the unit of the quantity.
     prob : float, default 0.95
-        Probability that intervals of a difference hold, with equal tails.
+        Probability of the equal-tailed intervals of a difference.
     studies : int, default 100
-        Studies that are simulated; the larger ones hold the specimens of the smaller.
+        Number of simulated studies of each size. A study contains the specimens of the same study
+        of the next smaller size.
     draws : int, default 200
-        Draws of the groups' distributions in each.
+        Posterior draws of the groups' locations in each study.
     new_specimens : int, default 20
-        Specimens of each group that each study is then asked to classify.
+        Number of new specimens per group that each study classifies.
     random_seed : int or sequence of int, optional
         Seed.
 
     Returns
     -------
     xarray.Dataset
-        By ``specimens``, and of all but the log score by ``comparison``, the second class less the
-        first, and ``quantity``:
+        Variables with the dimension ``specimens``. Except for the log scores they also have the
+        dimensions ``quantity`` and ``comparison``, the second class minus the first:
 
         ``width``, ``width_se`` : median over studies of the width of the interval of the difference
-        of the typical specimens, and its standard error. ``width_interval`` : what `prob` of the
-        studies lie between (``bound``: low, high).
+        of the typical specimens, and its standard error. ``width_interval`` : central interval that
+        contains the widths of a fraction `prob` of the studies (``bound``: low, high).
 
-        ``decided``, ``decided_se`` : share of studies whose interval lies beyond what is
-        `relevant`, on either side. ``wrong`` : share of all studies that do, on the wrong one.
+        ``decided``, ``decided_se`` : fraction of studies whose interval lies entirely above
+        `relevant` or below ``-relevant``, and its standard error. ``wrong`` : fraction of all
+        studies that decide for the wrong sign.
 
-        ``covered`` : share of the intervals that hold the truth; about `prob` if all is well.
+        ``covered`` : fraction of intervals that contain the true difference; about `prob` if the
+        method is calibrated.
 
-        ``log_score``, ``log_score_se`` : mean log score of new specimens, measured alike, by
-        classes fitted to so many of each group: ln of the probability of the true class, where all
-        are equal beforehand. ``best_log_score`` is that of who knows the true distributions.
+        ``log_score``, ``log_score_se`` : mean log probability of the true class of new specimens,
+        measured as in the pilot, by classes with this number of specimens and equal prior
+        probabilities (nats), and its standard error. ``best_log_score`` : mean log score if the
+        true distributions are known.
 
-        ``study_width``, ``study_difference`` (medians) and ``truth`` : of each study.
+        ``study_width``, ``study_difference`` (medians) and ``truth`` : values of each ``study``.
 
     Warns
     -----
     UserWarning
-        If materials of some studies do not reach the pressure, or the fit of a class is not to be
-        trusted.
+        If some simulated materials do not reach the pressure, or the fit of a class is not
+        reliable.
 
     Raises
     ------
     TypeError, ValueError
-        If there are fewer than two classes, one of them has one specimen or no variability or has
-        priors of its own; if a quantity is unknown or lacks its pressure, or there are fewer than
-        two specimens.
+        If there are fewer than two classes, a class has only one specimen, no variability or
+        user-defined priors, a quantity is unknown or lacks its pressure, or a number of specimens
+        is below two.
 
     See Also
     --------
@@ -145,13 +160,12 @@ def plan_study(
 
     Notes
     -----
-    What the curves of one specimen say is taken as a normal distribution of its coordinates, as
-    wide as that of a specimen of the pilot; what tests of one specimen differ by is part of it. The
-    coordinates that a study finds of its specimens then vary around the location of their group
-    with the covariance of specimens and errors together. Under a conjugate prior, a normal-inverse
-    Wishart distribution in which the density of the logarithm of each spread has the mode and the
-    curvature of that of :func:`fit_classes`, the location and a new specimen have Student
-    distributions [2]_.
+    The likelihood of one specimen's curves is approximated by a normal distribution of its
+    coordinates, with the covariance of a specimen of the pilot, including differences between its
+    tests. The estimated coordinates then vary around the location of their group, with the sum of
+    the covariances of specimens and estimation errors. The prior is conjugate, normal-inverse
+    Wishart: the log density of the logarithm of each spread has the same mode and curvature as in
+    :func:`fit_classes`. The location and a new specimen then have Student distributions [2]_.
 
     References
     ----------
@@ -178,8 +192,8 @@ def plan_study(
     check_quantities(names, [kind])
     if kind.priors:
         raise ValueError(
-            f"the classes have priors of their own, of {sorted(kind.priors)}; studies are planned "
-            "under those of the package: fit the pilot without"
+            f"the classes were fitted with user-defined priors, of {sorted(kind.priors)}; "
+            "plan_study supports the default priors only: fit the pilot without priors"
         )
     sizes = _sizes(specimens)
     for name, value, least in (
@@ -194,13 +208,16 @@ def plan_study(
     where = pressure, pressure_range, pressure_unit, density, dict(tube or {})
     place = place_of(classes, names, *where)
     if len(place.pressure) > 1:
-        raise ValueError(f"studies are planned for one pressure; got {place.pressure.tolist()}")
+        raise ValueError(f"plan_study is for one pressure; got {place.pressure.tolist()}")
     rng = np.random.default_rng(random_seed)
     pilot = _pilot(kind, classes, studies, rng)
-    known = _studied(kind, pilot, sizes, rng)
+    posteriors = _studied(kind, pilot, sizes, rng)
 
     def difference(location: Array) -> Array:
-        """Of typical specimens (comparison, quantity, ...), at (group, ..., coordinate)."""
+        """Return differences of typical specimens, (comparison, quantity, ...).
+
+        `location` has the shape (group, ..., coordinate).
+        """
         coordinates = np.moveaxis(location, -1, 0)
         flat = coordinates.reshape(len(coordinates), 1, -1)
         found = np.stack([*values_of(kind, flat, names, place).values()])
@@ -208,15 +225,15 @@ def plan_study(
         pairs = combinations(range(len(groups)), 2)
         return np.stack([of_groups[:, j] - of_groups[:, i] for i, j in pairs])
 
-    truth, found = difference(pilot.location), difference(_locations(known, draws, rng))
+    truth, found = difference(pilot.location), difference(_locations(posteriors, draws, rng))
     lacking = np.isnan(found).mean()
-    if lacking > _TOLD:
+    if lacking > _TOLERATED_FRACTION:
         warn_user(
-            f"{lacking:.1%} of the materials that studies hold for possible have no such quantity, "
-            "and are left out"
+            f"{lacking:.1%} of the simulated materials do not have the quantity, such as a radius "
+            "at this pressure, and are left out"
         )
     result = _result(truth, found, relevant, prob)
-    result = result.assign(_scores(pilot, known, new_specimens, rng))
+    result = result.assign(_scores(pilot, posteriors, new_specimens, rng))
     labels = [f"{b} − {a}" for a, b in combinations(groups, 2)]
     units = [unit_of(name, kind) or "" for name in names]
     coords = {"specimens": sizes, "comparison": labels, "quantity": names}
@@ -238,7 +255,7 @@ def _sizes(given: Any) -> list[int]:
 
 
 def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _Pilot:
-    """Truths of so many studies."""
+    """Draw the true distributions of each study, and compute the estimation errors of the pilot."""
     location, covariance, errors = [], [], []
     for fitted in classes.children.values():
         distributions = distributions_of(fitted)
@@ -252,35 +269,37 @@ def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _
 
 
 def _error(draws: Any, distributions: ClassDistribution) -> Array:
-    r"""Covariance of what is found of a specimen.
+    r"""Return the covariance of the estimation error of a specimen's coordinates.
 
-    Under a normal distribution with the covariance ``F``, far wider than the curves leave it, a
-    specimen is found with the covariance ``C``; by its curves alone that is ``(C⁻¹ − F⁻¹)⁻¹``.
+    For a normal prior with the covariance ``F``, wider than the class, the posterior has the
+    covariance ``C``; that of the likelihood is ``(C⁻¹ − F⁻¹)⁻¹``. Differences between the tests of
+    the specimen add to it.
     """
     covariance = distributions.covariance().mean(axis=0)
     location = np.asarray(distributions.location)[..., 0]
-    wide = _WIDER**2 * (covariance + np.cov(location).reshape(covariance.shape))
+    wide = _WIDENING**2 * (covariance + np.cov(location).reshape(covariance.shape))
     within = np.zeros_like(covariance)
     if distributions.experiment_spread is not None:
         within = np.diag(distributions.variance_of_tests().mean(axis=0)) / draws.tests
     middle = location.mean(axis=1)[:, None, None]
     around = ClassDistribution(middle, (), ()).with_covariance(wide[None], middle)
     weights = special.softmax(draws.log_weight + log_densities(draws, around)[0])
-    known = np.cov(draws.centre, aweights=weights, ddof=0).reshape(covariance.shape)
+    posterior = np.cov(draws.centre, aweights=weights, ddof=0).reshape(covariance.shape)
     root = np.linalg.cholesky(wide)
     inverse = np.linalg.inv(root)
-    shares, directions = np.linalg.eigh(inverse @ known @ inverse.T)
-    shares = shares.clip(0, _LEAST)
-    of_curves = (directions * (shares / (1 - shares))) @ directions.T
+    ratios, directions = np.linalg.eigh(inverse @ posterior @ inverse.T)
+    ratios = ratios.clip(0, _LARGEST_RATIO)
+    of_curves = (directions * (ratios / (1 - ratios))) @ directions.T
     return root @ of_curves @ root.T + within
 
 
 def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -> _Known:
-    """What studies of these sizes find of all groups."""
+    """Return the posteriors of the groups in studies of these sizes."""
     specimens = _found(pilot, sizes[-1], rng)[0]
     mean, spread = kind.scale.location_prior[0], np.exp(kind.scale.spread_prior[0])
-    # The conjugate prior: the location counts as so many specimens; the density of the logarithm of
-    # a spread has the mode and the curvature of that of a class.
+    # Conjugate prior: `weight` is the number of specimens to which the prior of the location is
+    # equivalent. `freedom` gives the density of the logarithm of a spread the curvature of the
+    # default prior, and `scatter` gives it the mode.
     weight = np.mean((spread / kind.scale.location_prior[1]) ** 2)
     freedom = 1 / (2 * kind.scale.spread_prior[1] ** 2)
     error = np.diagonal(pilot.errors, axis1=1, axis2=2).mean(axis=0)
@@ -303,7 +322,10 @@ def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -
 
 
 def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
-    """Coordinates (group, study, specimen, coordinate) found of specimens, and their errors."""
+    """Simulate estimated coordinates of specimens, (group, study, specimen, coordinate).
+
+    Also return the covariances of their estimation errors.
+    """
     groups, studies, dimension = pilot.location.shape
     noise = rng.standard_normal((2, groups, studies, count, dimension))
     errors = pilot.errors[rng.integers(len(pilot.errors), size=noise.shape[1:4])]
@@ -312,16 +334,16 @@ def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
     return x + (roots[1] @ noise[1][..., None])[..., 0], errors
 
 
-def _locations(known: _Known, draws: int, rng: Any) -> Array:
-    """Draws (group, size, study, draw, coordinate) of the locations."""
-    freedom = known.freedom[:, None, None]
-    noise = rng.standard_normal((*known.mean.shape[:3], draws, known.mean.shape[-1]))
+def _locations(posteriors: _Known, draws: int, rng: Any) -> Array:
+    """Draw locations of the groups, (group, size, study, draw, coordinate)."""
+    freedom = posteriors.freedom[:, None, None]
+    noise = rng.standard_normal((*posteriors.mean.shape[:3], draws, posteriors.mean.shape[-1]))
     noise *= np.sqrt(freedom / rng.chisquare(freedom, noise.shape[:-1]))[..., None]
-    return known.mean[..., None, :] + noise @ np.linalg.cholesky(known.scale).mT
+    return posteriors.mean[..., None, :] + noise @ np.linalg.cholesky(posteriors.scale).mT
 
 
 def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Dataset:
-    """What studies find of differences (comparison, quantity, size, study, draw)."""
+    """Summarise draws of differences, (comparison, quantity, size, study, draw), over studies."""
     tail = (1 - prob) / 2
     low, middle, high = np.nanquantile(found, [tail, 0.5, 1 - tail], axis=-1)
     dims = "comparison", "quantity", "specimens", "study"
@@ -341,7 +363,7 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
     width = each["study_width"]
     shares = each[["decided", "wrong", "covered"]].mean("study")
     ends = width.quantile([tail, 1 - tail], "study").rename(quantile="bound")
-    # Of a median, by the order statistics a standard error away from the middle.
+    # Standard error of the median, from the order statistics one standard error from the middle.
     half = 0.5 / np.sqrt(count)
     around = width.quantile([0.5 - half, 0.5 + half], "study")
     return shares.assign(
@@ -353,32 +375,35 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
     )
 
 
-def _scores(pilot: _Pilot, known: _Known, count: int, rng: Any) -> xr.Dataset:
-    """Log scores of new specimens, by groups as they are known and as they are."""
+def _scores(pilot: _Pilot, posteriors: _Known, count: int, rng: Any) -> xr.Dataset:
+    """Return log scores of new specimens, with the studies' posteriors and the true distributions.
+
+    `count` is the number of new specimens per group.
+    """
     x, errors = _found(pilot, count, rng)
-    own = np.arange(len(x))
+    groups = np.arange(len(x))
 
     def score(log_density: Array) -> Array:
-        """Mean log score of each study, by log densities (class, group, study, specimen)."""
-        return special.log_softmax(log_density, axis=0)[own, own].mean(axis=(0, 2))
+        """Return the mean log score of each study, from (class, group, study, specimen)."""
+        return special.log_softmax(log_density, axis=0)[groups, groups].mean(axis=(0, 2))
 
     def squares(mean: Array, scale: Array) -> tuple[Array, Array]:
-        """Squared distances of all specimens from a mean, and half of the log determinant."""
+        """Return squared Mahalanobis distances from a mean, and half the log determinant."""
         root = np.linalg.cholesky(scale)
         whitened = np.linalg.solve(root, (x - mean)[..., None])[..., 0]
         log_volume = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
         return (whitened**2).sum(axis=-1), log_volume
 
     dimension, by_size = x.shape[-1], []
-    for i, (wider, freedom) in enumerate(zip(known.wider, known.freedom, strict=True)):
+    for i, (wider, freedom) in enumerate(zip(posteriors.wider, posteriors.freedom, strict=True)):
         log_density = []
-        for mean, scale in zip(known.mean[:, i], known.scale[:, i], strict=True):
+        for mean, scale in zip(posteriors.mean[:, i], posteriors.scale[:, i], strict=True):
             square, log_volume = squares(mean[:, None], wider * scale[:, None])
-            # But for constants, which are those of all classes.
+            # Student log density, without the constants that all classes share.
             log_density.append(-np.log1p(square / freedom) * (freedom + dimension) / 2 - log_volume)
         by_size.append(score(np.stack(log_density)))
     truth = [
-        squares(pilot.location[g][:, None], pilot.covariance[g][:, None] + errors) for g in own
+        squares(pilot.location[g][:, None], pilot.covariance[g][:, None] + errors) for g in groups
     ]
     best = score(np.stack([-r / 2 - v for r, v in truth]))
     return xr.Dataset(

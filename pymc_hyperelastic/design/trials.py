@@ -1,4 +1,7 @@
-"""Tests of simulated specimens: what they would say of the class, or of a quantity."""
+"""Simulate planned tests of specimens, and compute the information about class or quantity.
+
+:func:`~pymc_hyperelastic.expected_information` runs a :class:`Simulation` for each design.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,16 +25,18 @@ from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution from which specimens are, and over which their density is
-# averaged: by others a specimen from the tail of one would be thought impossible.
+# Draws of a class's distribution from which specimens are simulated, and over which their density
+# is averaged. Both use the same draws: otherwise a specimen from the tail of one of them could have
+# a density of almost 0.
 _DISTRIBUTIONS = 400
-# Share of what a quantity was beforehand in what draws say that it is: they are few.
+# Weight of the density before the test in the density of a quantity after it: the kernel density of
+# few draws would be almost 0 in its tails.
 _AS_BEFORE = 0.02
-# Share of specimens that may not bear a design before it is refused.
+# Fraction of specimens that cannot bear a design above which it is refused.
 _MOST_LACKING = 0.2
-# Share of specimens that may not bear a design before a warning.
+# Fraction of specimens that cannot bear a design above which there is a warning.
 _FEW_LACKING = 0.005
-# Specimens by which the density of a quantity is known after a test.
+# Number of draws for the density of a quantity after a test.
 _AFTER = 256
 # Digits to which probabilities are rounded before they are compared, so that rounding errors do not
 # decide.
@@ -39,28 +44,34 @@ _DIGITS = 9
 
 
 class Specimens(NamedTuple):
-    """Specimens of known classes, by the variables of their model, along the first axis."""
+    """Simulated specimens and their true classes."""
 
     variables: dict[str, Array]
+    """Values of the model's variables by name, the specimens along the first axis."""
     truth: NDArray[np.intp]
+    """Index of the true class of each specimen."""
     log_before: Array
     """Log probabilities of the classes before the planned tests."""
 
 
 class Trial(NamedTuple):
-    """What a design tells of specimens; NaN of those that it cannot be done with."""
+    """Results of one design; NaN for specimens that cannot bear its tests."""
 
     gain: Array
+    """Information about the class, nats, (specimen,)."""
     of_half: Array
-    """The same by half of the inner draws."""
+    """The same with half of the inner draws."""
     effective: Array
-    """Effective draws of the class of which there are fewest."""
+    """Smallest number of effective draws of any class, (specimen,)."""
     materials: list[Array]
-    """Coordinates (coordinate, draw) of what a specimen may be after the test, one or none each."""
+    """Posterior draws of each specimen's coordinates, (coordinate, draw); empty if not tested."""
 
 
 class Simulation:
-    """Classes, the tests that a specimen has already had, and where a quantity is looked at."""
+    """Simulate tests of specimens of the classes, after the `given` tests if there are any.
+
+    `place` has the tube and the pressures at which a quantity is computed.
+    """
 
     def __init__(
         self,
@@ -74,15 +85,15 @@ class Simulation:
         self._kind, self._place, self._given, self._draws = kind, place, given, draws
         self._log_prior = log_prior
         self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
-        # That of a wall of layers follows from their thicknesses.
+        # The outer radius of a layered wall follows from the thicknesses, and stays NaN.
         self._tube: dict[str, float] = {"outer_radius": np.nan, **place.tube}
         self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
         if given is None:
             return
         if kind.experiment_effect:
             raise ValueError(
-                "given: classes with experiment_effect do not tell how further tests of a specimen "
-                "would be; leave given out"
+                "given: earlier tests are not supported for classes with experiment_effect, in "
+                "which the material varies between tests: leave given out"
             )
         kind.check(given)
         names = specimens_of(given)[0]
@@ -92,7 +103,7 @@ class Simulation:
             self._tube[name] = float(given[name].values[0])
 
     def specimens(self, count: int, tests: int, seed: np.random.SeedSequence) -> Specimens:
-        """Specimens of every class, in proportion to its probability."""
+        """Draw specimens of the classes, in proportion to the probabilities of the classes."""
         rng = np.random.default_rng(seed)
         if self._given is not None:
             return self._like_given(count, rng)
@@ -107,7 +118,7 @@ class Simulation:
         return Specimens(fresh, truth, self._log_prior)
 
     def _like_given(self, count: int, rng: np.random.Generator) -> Specimens:
-        """Specimens that had the tests which are given, as far as these tell."""
+        """Draw specimens from the posterior given the earlier tests."""
         sampler, draw = self._inner(self._given)
         drawn = draw(self._given, None, 10 * self._draws, rng)
         terms = drawn.log_terms
@@ -120,31 +131,33 @@ class Simulation:
         return Specimens(sampler.variables_of(drawn.points[chosen]), truth, log_before)
 
     def trial(self, name: str, design: Design, tried: Specimens, rng: np.random.Generator) -> Trial:
-        """A design, with every specimen."""
+        """Simulate the tests of a design on each specimen, and return the information."""
         kind, count, tests = self._kind, len(tried.truth), len(design)
-        own = {n: v[:, :tests] for n, v in tried.variables.items()}
-        radii = radii_of(kind, design, own, self._tube, self._sds)
-        there = np.isfinite(radii).all(axis=1)
+        variables = {n: v[:, :tests] for n, v in tried.variables.items()}
+        radii = radii_of(kind, design, variables, self._tube, self._sds)
+        possible = np.isfinite(radii).all(axis=1)
         _check_borne(name, design, radii)
         planned = empty_data(kind, design, self._tube, self._sds)
         force = np.concatenate([np.full(len(t.held), t.force) for t in design])
-        blank = _measured(planned, radii[there][0], np.ones(len(force)), np.ones(len(force)), force)
+        blank = _measured(
+            planned, radii[possible][0], np.ones(len(force)), np.ones(len(force)), force
+        )
         sampler, draw = self._inner(beside(self._given, blank))
         seed = int(rng.integers(2**32))
         simulate = sampler.simulator(beside(self._given, blank), seed)
         gains, materials = np.full((2, count), np.nan), [np.empty((0, 0))] * count
         effective = np.full(count, np.nan)
-        for i in np.flatnonzero(there):
-            specimen = {n: v[i] for n, v in own.items()}
+        for i in np.flatnonzero(possible):
+            specimen = {n: v[i] for n, v in variables.items()}
             blank = blank.assign(radius=("obs", radii[i]))
             found = simulate(beside(self._given, blank), specimen)
-            # Those of the given tests come first, and are as they were.
+            # Keep the planned tests only: the given tests come first, with their measured values.
             new = {n: v[-len(force) :] for n, v in found.items() if n != "measured_axial_force"}
             of_forces = np.full(len(force), np.nan)
             if force.any():
                 of_forces[force] = found["measured_axial_force"][-int(force.sum()) :]
             data = _measured(blank, radii[i], new["measured_pressure"], of_forces, force)
-            start = sampler.points_of({n: v[i : i + 1] for n, v in own.items()})
+            start = sampler.points_of({n: v[i : i + 1] for n, v in variables.items()})
             drawn = draw(beside(self._given, data), start, self._draws, rng)
             effective[i] = drawn.effective.min()
             for j, step in enumerate((1, 2)):
@@ -155,47 +168,50 @@ class Simulation:
         return Trial(gains[0], gains[1], effective, materials)
 
     def _gain(self, terms: Array, tried: Specimens, i: int) -> float:
-        """Log probability of the true class after the test, less that before."""
+        """Return the log probability of the true class after the test, minus that before."""
         log_evidence = logsumexp(terms, axis=1) - np.log(terms.shape[1])
         after = log_softmax(self._log_prior + log_evidence)
         return float((after - tried.log_before)[tried.truth[i]])
 
     def _inner(self, data: xr.Dataset) -> tuple[SpecimenSampler, Callable[..., FewDraws]]:
-        """What understands specimens with as many tests, and what draws of them."""
-        own = bool(self._kind.experiment_effect)
-        forward = self._kind.forward_model(data, by_test=own, mode="quadrature")
+        """Return a sampler for specimens with tests like `data`, and a function that draws them."""
+        by_test = bool(self._kind.experiment_effect)
+        forward = self._kind.forward_model(data, by_test=by_test, mode="quadrature")
         sampler = SpecimenSampler(self._kind, forward, reference_of(self._kind))
         size = data.sizes["test"], len(self._kind.geometry)
         classes = [known_class(distributions, *size) for distributions in self._classes]
         return sampler, partial(FewDraws, sampler, classes, self._log_prior)
 
     def quantity_gains(self, name: str, tried: Specimens, before: Specimens, trial: Trial) -> Array:
-        """Log density of the true value of a quantity after the test, less that before."""
+        """Return the gain in log density of a quantity's true value, (2, specimen), nats.
+
+        The first row uses all draws after the test, the second one half of them.
+        """
 
         def values(coordinates: Array) -> Array:
-            """Of (coordinate, specimen, draw)."""
+            """Return the quantity, (specimen, draw), at (coordinate, specimen, draw)."""
             return values_of(self._kind, coordinates, [name], self._place)[name][0]
 
         scale = self._kind.scale.names
         truth = values(np.stack([tried.variables[n][:, :1] for n in scale]))[:, 0]
-        known = values(np.stack([before.variables[n][:, :1] for n in scale]))[:, 0]
-        there = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
-        after = values(np.stack([trial.materials[i] for i in there], axis=1))
-        known = known[np.isfinite(known)]
-        if min(np.nanmin(after), known.min()) > 0:
-            truth, known, after = np.log(truth), np.log(known), np.log(after)
+        prior = values(np.stack([before.variables[n][:, :1] for n in scale]))[:, 0]
+        possible = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
+        after = values(np.stack([trial.materials[i] for i in possible], axis=1))
+        prior = prior[np.isfinite(prior)]
+        if min(np.nanmin(after), prior.min()) > 0:
+            truth, prior, after = np.log(truth), np.log(prior), np.log(after)
         gains = np.full((2, len(truth)), np.nan)
         for j, step in enumerate((1, 2)):
-            for i, of_one in zip(there, after, strict=True):
-                some = of_one[np.isfinite(of_one)][::step]
-                before_test, after_test = (_log_density(x, truth[i]) for x in (known, some))
+            for i, of_one in zip(possible, after, strict=True):
+                posterior = of_one[np.isfinite(of_one)][::step]
+                before_test, after_test = (_log_density(x, truth[i]) for x in (prior, posterior))
                 mixed = np.log(_AS_BEFORE) + before_test, np.log1p(-_AS_BEFORE) + after_test
                 gains[j, i] = np.logaddexp(*mixed) - before_test
         return gains
 
 
 def _sd_of(name: str, given: float | None, classes: xr.DataTree) -> float:
-    """Standard deviation of a measure of the tube: as given, else the median of the specimens'."""
+    """Return the standard deviation of a measure's error: `given`, or the specimens' median."""
     if given is not None:
         return given
     parts = [
@@ -207,7 +223,7 @@ def _sd_of(name: str, given: float | None, classes: xr.DataTree) -> float:
 
 
 def _in_proportion(chance: Array, count: int) -> NDArray[np.intp]:
-    """Numbers of classes, as many of each as its probability wants."""
+    """Return `count` indices of classes, in proportion to their probabilities `chance`."""
     ends, places = np.cumsum(chance).round(_DIGITS), (np.arange(count) + 0.5) / count
     return np.searchsorted(ends, places.round(_DIGITS)).clip(max=len(chance) - 1)
 
@@ -215,7 +231,7 @@ def _in_proportion(chance: Array, count: int) -> NDArray[np.intp]:
 def _measured(
     planned: xr.Dataset, radius: Array, pressure: Array, force: Array, with_force: Array
 ) -> xr.Dataset:
-    """Data with what was measured; forces are missing where none are."""
+    """Return the planned data with measured values; forces are NaN where not measured."""
     values = {"radius": ("obs", radius), "pressure": ("obs", pressure)}
     if "axial_force" in planned:
         values["axial_force"] = "obs", np.where(with_force, force, np.nan)
@@ -223,17 +239,17 @@ def _measured(
 
 
 def _check_borne(name: str, design: Design, radii: Array) -> None:
-    """Raise, or warn, if specimens do not bear a design."""
+    """Raise if many specimens cannot bear a design, and warn if some cannot."""
     lacking = 1 - np.isfinite(radii).all(axis=1).mean()
-    words = f"design {name!r} ({words_of(design)}): {lacking:.1%} of the specimens cannot do that"
+    words = f"design {name!r} ({words_of(design)}): {lacking:.1%} of the specimens cannot bear it"
     if lacking > _MOST_LACKING:
-        raise ValueError(f"{words}: it is outside what the tube can bear")
+        raise ValueError(f"{words}: choose a smaller range of pressures, radii or stretches")
     if lacking > _FEW_LACKING:
         warn_user(f"{words}, and are left out")
 
 
 def _log_density(draws: Array, at: float) -> float:
-    """Log density by draws: a sum of normal ones, with the variance of the draws."""
+    """Return the log of a normal kernel density of draws, scaled to the variance of the draws."""
     width = 1.06 * len(np.unique(draws)) ** -0.2
     mean, sd = draws.mean(), draws.std()
     x = mean + (draws - mean) / np.hypot(1, width)

@@ -1,1 +1,1 @@
-"""What a posterior says of a tube: curves, elastic properties, stresses."""
+"""Predict curves, elastic properties and stresses of a tube from a posterior."""

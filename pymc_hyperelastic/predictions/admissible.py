@@ -1,4 +1,4 @@
-"""Which draws of a posterior are materials that behave as solids do."""
+"""Check whether the draws of a posterior are physically admissible materials."""
 
 from typing import Any, Unpack
 
@@ -17,9 +17,10 @@ from pymc_hyperelastic.predictions.draws import (
 )
 from pymc_hyperelastic.predictions.measured import warned
 
-# Circles of the wall at which admissibility is looked at.
+# Number of equidistant circles of each layer at which the Baker-Ericksen inequalities are checked.
 _CIRCLES = 11
-# Stretches whose logarithms differ by less have no order that rounding leaves intact.
+# Logarithms of stretches that differ by less count as equal: rounding errors could reverse their
+# order.
 _SAME_STRETCH = 1e-6
 
 
@@ -27,28 +28,28 @@ _SAME_STRETCH = 1e-6
 def admissible(
     tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
-    r"""Which draws of a posterior are materials that behave as solids do, over a range of radii.
+    r"""Check whether the draws of a posterior are admissible materials over a range of radii.
 
-    Priors admit parameters whose tube would lose its stability, or whose stresses point the wrong
-    way. Two conditions are looked at, at each of the radii:
+    Priors admit parameters for which the tube is unstable, or for which the larger stretch has the
+    smaller stress. Two conditions are checked at each radius:
 
-    ``pressure_rises`` : ``dp/da > 0``; else the tube jumps to another radius when it is inflated.
+    ``pressure_rises`` : ``dp/da > 0``. If it fails, the inflated tube jumps to another radius.
 
-    ``baker_ericksen`` : the greater principal stress is in the direction of the greater stretch,
+    ``baker_ericksen`` : the larger principal stress has the direction of the larger stretch,
 
     .. math:: (σ_i - σ_j)(λ_i - λ_j) > 0 \quad \text{wherever } λ_i \neq λ_j,
 
-    for each two of the radial, hoop and axial direction, at eleven circles of every layer. It is
-    stated for isotropic solids [1]_, and fibres need not obey it: it is reported for the isotropic
-    laws of the package only.
+    for each pair of the radial, hoop and axial direction, at eleven circles of every layer. The
+    inequality holds for isotropic solids [1]_, and materials with fibres need not satisfy it. It is
+    therefore checked only if all layers are isotropic.
 
     Parameters
     ----------
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
-        Current internal radii, in ``radius_unit``; by default 40 between the ends of the result's
-        data.
+        Current internal radii, in ``radius_unit``; by default 40 equidistant radii over the range
+        of the result's data.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -56,23 +57,23 @@ def admissible(
     -------
     xarray.Dataset
         The booleans ``pressure_rises`` and, for isotropic laws, ``baker_ericksen`` with dimensions
-        (chain, draw). The attribute ``fraction`` of each is that of the draws that pass, and
-        ``summary`` of the Dataset says it in words. If the result holds its data, the coordinates
-        ``radius`` and ``extrapolated`` (radius) tell where it was looked at beyond what was
-        measured, see :func:`predict_pressure`.
+        (chain, draw). The attribute ``fraction`` of each is the fraction of draws that satisfy the
+        condition, and the attribute ``summary`` of the Dataset states the fractions in words. If
+        the result holds its data, the coordinates ``radius`` (mm) and ``extrapolated`` (radius)
+        flag radii outside the measured range, see :func:`predict_pressure`.
 
     Warns
     -----
     UserWarning
-        If some radii are beyond what was measured.
+        If some radii are outside the measured range.
 
     Raises
     ------
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If something of the tube is not known, a radius is impossible, or there are neither radii
-        nor data.
+        If a measure of the tube is unknown, a radius is not positive, or neither radii nor data are
+        given.
 
     See Also
     --------
@@ -121,14 +122,14 @@ def admissible(
 
 
 def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
-    """Whether the greater stress is in the direction of the greater stretch, in every layer."""
+    """Return True for each draw in which all layers satisfy the Baker-Ericksen inequalities."""
     passed: Any = True
     for layer in tube.layers:
         thickness = layer.outer_radius - layer.inner_radius
         reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
         circles = tube.circles(layer, radius, reference)
         log_radial = -circles.log_hoop - circles.log_axial
-        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
+        # Differences from the radial stress. NaN, after an overflow, fails the inequality.
         stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
         stretch = (log_radial, circles.log_hoop, circles.log_axial)
         with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Curves of a tube as posteriors, from any sampled result: pressure, axial force and radius."""
+"""Predict pressure, axial force and radius of a tube, as posteriors, from any sampled result."""
 
 from typing import Any, Unpack
 
@@ -17,7 +17,7 @@ from pymc_hyperelastic.predictions.draws import (
 )
 from pymc_hyperelastic.predictions.measured import warn_user, warned
 
-# What rounding leaves, mN.
+# Force below which a force counts as zero up to rounding errors, mN.
 NO_FORCE = 1e-9
 
 
@@ -25,7 +25,7 @@ NO_FORCE = 1e-9
 def predict_pressure(
     tree: xr.DataTree, internal_radius: Any, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
-    """Posterior of the tube's pressure and stiffness at new radii, without measurement error.
+    """Predict the tube's pressure and stiffness at new radii, without measurement error.
 
     Parameters
     ----------
@@ -35,42 +35,53 @@ def predict_pressure(
     internal_radius : array_like, shape (radius,)
         Current internal radii, in ``radius_unit``.
     **tube
-        ``energy``, the strain energy, or the list of :class:`~pymc_hyperelastic.Layer` of the
-        model, needed where the result does not name it; ``specimen``, of whom the prediction is,
-        see below; ``inner_radius``, ``outer_radius`` (of the opened sector; not with layers),
-        ``axial_stretch``, ``opening_angle`` (rad, the whole one that the sector lacks of a full
-        circle), numbers, of the stretch also one for each of the radii (or for one radius several),
-        as in an extension test; ``radius_unit`` (by default ``"mm"``), the unit of all
-        radii that are given here, as pint knows it. The result is in mm. What is not given of the
-        tube is that of each draw where the posterior has a variable of the name; for the outer
-        radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
-        cross-section). Failing that it is that of the result's data, or of those of the
-        ``specimen``, which must be the same for all these tests; without data the axial stretch
-        is 1 and the opening angle 0.
+        Options that override the material or the tube of the result:
+
+        ``energy`` : strain energy, or list of :class:`~pymc_hyperelastic.Layer`, of the model;
+        required if the result does not name it.
+
+        ``specimen`` : name of the specimen to predict, see Notes.
+
+        ``inner_radius``, ``outer_radius`` : radii of the reference tube (the opened sector), in
+        ``radius_unit``. With layers the outer radius follows from their thicknesses, and cannot be
+        given.
+
+        ``axial_stretch`` : one number, or one for each radius, as in an extension test; several
+        stretches may share a single radius.
+
+        ``opening_angle`` : whole angle by which the sector falls short of a full circle, rad.
+
+        ``radius_unit`` : unit of all given radii, as pint names it; ``"mm"`` by default. The result
+        is in mm.
+
+        A measure that is not given is taken from the posterior, draw by draw, if this has a
+        variable of that name; the outer radius may also follow from ``thickness`` (mm) or
+        ``wall_area`` (mm², cross-section of the unloaded wall). Otherwise it is taken from the
+        result's data, or from the tests of the ``specimen``, all of which must agree. Without data
+        the axial stretch is 1 and the opening angle 0.
 
     Returns
     -------
     xarray.Dataset
         ``pressure`` (kPa) and ``stiffness`` (kPa/mm) with dimensions (chain, draw, radius), and the
-        coordinate ``extrapolated`` (radius): whether the wall is stretched there as none of the
-        result's data was. Circles of the measured walls are points of hoop and axial stretch; what
-        lies outside of their convex hull is extrapolated, also of a tube of other dimensions. Of
-        the tube of the data that is what lies outside its measured radii. A result that does not
-        hold its data, such as one read from an old file, cannot say, and the coordinate is absent.
-        Where several axial stretches are given, ``axial_stretch`` (radius) is a coordinate, too.
+        coordinate ``extrapolated`` (radius). It is True if the hoop and axial stretches of the wall
+        lie outside the convex hull of the stretches in the result's data; for the tube of the data
+        this means outside its measured radii. The coordinate is absent if the result does not hold
+        its data. If several axial stretches are given, ``axial_stretch`` (radius) is also a
+        coordinate.
 
     Warns
     -----
     UserWarning
-        If something is extrapolated; it names what was asked for and what was measured.
+        If a radius is extrapolated; the message states the requested and the measured range.
 
     Raises
     ------
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If the strain energy, the specimen or the geometry is not known, or a parameter is not in
-        the posterior, or a radius is impossible.
+        If the strain energy, the specimen or the geometry is unknown, a parameter is missing from
+        the posterior, or a radius is not positive.
 
     See Also
     --------
@@ -78,13 +89,14 @@ def predict_pressure(
 
     Notes
     -----
-    Where specimens differ, in classes with ``variability="specimen"`` and in results of
-    :func:`~pymc_hyperelastic.population_model`, a prediction is of the typical specimen, that at
-    the ``location`` of the class, or with ``specimen="S1"`` of one that was measured, given its
-    curves and its class. The attribute ``specimen`` of the result says of whom it is, and what was
-    measured is that of this specimen alone. In a class, its draws are chosen among those that the
-    class stores, each for one draw of the class's distribution by the density that this gives it.
-    Where all specimens share their parameters, ``specimen`` states the tube and nothing else.
+    Specimens differ in classes with ``variability="specimen"`` and in results of
+    :func:`~pymc_hyperelastic.population_model`. Predictions are then for the typical specimen, at
+    the ``location`` of the class, or for a measured one, ``specimen="S1"``, given its curves and
+    its class. For a measured specimen only its own tests define the measured range. The attribute
+    ``specimen`` of the result is its name. A class stores draws of each specimen; for each draw of
+    the class's distribution, one of them is resampled in proportion to its importance weight times
+    its density under this distribution. If all specimens share their parameters, ``specimen``
+    selects the tube only.
 
     Examples
     --------
@@ -101,7 +113,7 @@ def predict_pressure(
 
 
 def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Pressure and stiffness of draws at radii, see :func:`predict_pressure`, without a warning."""
+    """Return what :func:`predict_pressure` returns, for radii in mm, without a warning."""
     pressure, stiffness = draws.tube.pressure(radius)
     extrapolated = draws.extrapolated_radii(radius)
     return draws.dataset({"radius": radius}, extrapolated, pressure=pressure, stiffness=stiffness)
@@ -117,42 +129,41 @@ def predict_axial_force(
     check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
-    """Posterior of the tube's reduced axial force at new radii, without measurement error.
+    """Predict the tube's reduced axial force at new radii, without measurement error.
 
-    It is what a force transducer at the end of the closed tube reads, see
-    :func:`~pymc_hyperelastic.axial_force`. Arguments and errors are those of
-    :func:`predict_pressure`; or in place of the radius a pressure is given, as where it is held
-    while the tube is extended.
+    A force transducer at the end of the closed tube reads this force, see
+    :func:`~pymc_hyperelastic.axial_force`. Give either radii or pressures, the latter for example
+    if the tube is extended at a held pressure. See :func:`predict_pressure` for further errors.
 
     Parameters
     ----------
     tree, internal_radius, **tube
-        Those of :func:`predict_pressure`.
+        See :func:`predict_pressure`.
     pressure : array_like, shape (pressure,), optional
-        Internal pressures, in `pressure_unit`, in place of radii: the force is that at the radius
-        of :func:`radius_at_pressure`, draw by draw.
+        Internal pressures, in `pressure_unit`, instead of radii. The force is computed at the
+        radius of :func:`radius_at_pressure`, draw by draw.
     pressure_unit, check
-        Those of :func:`radius_at_pressure`.
+        See :func:`radius_at_pressure`.
 
     Returns
     -------
     xarray.Dataset
         ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive. The
-        coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`. Of given
-        pressures the last dimension is ``pressure``, there is the ``radius`` (mm) as well, and the
-        coordinate and warnings are those of :func:`radius_at_pressure`.
+        coordinate ``extrapolated`` and its warning are described in :func:`predict_pressure`. If
+        pressures are given, the last dimension is ``pressure``, the Dataset also has the ``radius``
+        (mm), and coordinate and warnings are described in :func:`radius_at_pressure`.
 
     Raises
     ------
     TypeError
-        If radii and pressures are given, or neither.
+        If both radii and pressures are given, or neither.
 
     Warns
     -----
     UserWarning
-        If something is extrapolated. If the force is 0 whatever the parameters, as that of
-        :class:`~pymc_hyperelastic.CriscioneType`, and that of :class:`~pymc_hyperelastic.Ogden` at
-        an axial stretch of 1.
+        If a point is extrapolated. If the force is 0 for all parameters, as for
+        :class:`~pymc_hyperelastic.CriscioneType`, or for :class:`~pymc_hyperelastic.Ogden` at an
+        axial stretch of 1.
 
     See Also
     --------
@@ -168,7 +179,7 @@ def predict_axial_force(
     >>> force["axial_force"].values.round(3).ravel()
     array([19.641, 39.282])
 
-    The tube is extended while the pressure is held:
+    Extend the tube at a held pressure:
 
     >>> tube["axial_stretch"] = [1.2, 1.4]
     >>> force = ph.predict_axial_force(tree, pressure=1.0, energy=ph.NeoHookean(), **tube)
@@ -176,7 +187,7 @@ def predict_axial_force(
     array([19.448, 34.507])
     """
     if (internal_radius is None) == (pressure is None):
-        raise TypeError("give internal_radius, or pressure, at which the force is asked for")
+        raise TypeError("give internal_radius, or pressure, and not both")
     draws = draws_of(tree, **tube)
     if pressure is not None:
         pressure = checked_pressures(pressure, pressure_unit, check)
@@ -187,30 +198,30 @@ def predict_axial_force(
     radius = draws.at_each_stretch(checked_radii(internal_radius, **tube))
     warned(draws.extrapolated_radii(radius))
     force = force_curve(draws, radius)
-    # At rest a tube of any material has neither force nor pressure.
+    # Do not warn about a tube at rest, where pressure and force are 0 for every material.
     if np.any(np.abs(draws.tube.pressure(radius)[0] * radius**2) > NO_FORCE):
         warn_of_no_force(force["axial_force"])
     return force
 
 
 def force_curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Axial force of draws at radii, see :func:`predict_axial_force`, without a warning."""
+    """Return what :func:`predict_axial_force` returns, for radii in mm, without a warning."""
     extrapolated = draws.extrapolated_radii(radius)
     force = draws.tube.axial_force(radius)
     return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
 
 
 def warn_of_no_force(force: xr.DataArray) -> None:
-    """Warn if axial forces of a tube that is inflated are 0, all of them."""
+    """Warn if all axial forces of an inflated tube are 0."""
     if not np.any(np.abs(force) > NO_FORCE):
         warn_user(
             "the axial force is 0 at all of these radii, whatever the parameters: at this axial "
-            "stretch the strain energy says nothing about a force that is measured"
+            "stretch the strain energy cannot describe a measured force"
         )
 
 
 def force_at_pressure(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
-    """Radius and axial force of draws at pressures, see :func:`predict_axial_force`."""
+    """Return radius and axial force at pressures in kPa, see :func:`predict_axial_force`."""
     radius = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, radius, unit))
     curves = {"radius": radius, "axial_force": draws.tube.axial_force(radius)}
@@ -226,28 +237,28 @@ def radius_at_pressure(
     check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
-    r"""Posterior of the internal radius at which the tube carries given pressures.
+    r"""Compute the posterior of the internal radius of the tube at given pressures.
 
     It is the inverse of :func:`predict_pressure`, ``p(a) = pressure``, draw by draw.
 
-    The curve of a softening material has a maximum, and passes a pressure below it twice. The
-    radius is the one on the branch that rises through the tube at rest: from
-    :math:`a_0 = A/\sqrt{k λ_z}`, where all of the wall has the same hoop stretch (the unloaded
-    radius of an isotropic tube without opening angle), the curve is followed while its slope is
-    positive, between ``a₀/20`` and ``20 a₀``. Where that branch ends before the pressure is reached
-    the radius is NaN.
+    The curve of a softening material has a maximum, and reaches each lower pressure twice. This
+    function returns the radius on the rising branch that contains the tube at rest. The branch
+    starts at :math:`a_0 = A/\sqrt{k λ_z}`, where the hoop stretch is uniform in the wall (the
+    unloaded radius of an isotropic tube without opening angle), and is followed in both directions
+    while the slope is positive, between ``a₀/20`` and ``20 a₀``. If the branch does not reach the
+    pressure, the radius is NaN.
 
     Parameters
     ----------
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`; one for each axial stretch, or one for all, where
-        several stretches are given.
+        Internal pressures, in `pressure_unit`. If several axial stretches are given, one pressure
+        for each, or one for all.
     pressure_unit : str, default "kPa"
-        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
     check : {"warn", "raise", "ignore"}
-        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
+        Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -255,25 +266,26 @@ def radius_at_pressure(
     -------
     xarray.Dataset
         ``radius`` (mm) with dimensions (chain, draw, pressure), and the coordinate ``extrapolated``
-        (pressure): whether none of the result's data on this tube has a pressure as low or as high,
-        in inflation tests at this axial stretch, or in extension tests that pass through it.
-        Pressures in other tubes, and at other axial stretches, do not compare: if the data have
-        such, it is extrapolated where the wall at its median radius is, too, see
-        :func:`predict_pressure`. Without data the coordinate is absent.
+        (pressure). It is True if the pressure is outside the range of the result's data on this
+        tube, in inflation tests at this axial stretch or extension tests that pass through it.
+        Pressures of other tubes, and at other axial stretches, cannot be compared. If the data have
+        such tests, a pressure is extrapolated only if its median radius is extrapolated as well,
+        see :func:`predict_pressure`. Without data the coordinate is absent.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; it says how many. If something is extrapolated; it
-        names what was asked for and what was measured. If a pressure is above 40 kPa.
+        If some draws do not reach a pressure; the message states how many. If a pressure is
+        extrapolated; the message states the requested and the measured range. If a pressure is
+        above 40 kPa.
 
     Raises
     ------
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If something of the tube is not known, a pressure is no finite number, or no draw reaches
-        any of the pressures.
+        If a measure of the tube is unknown, a pressure is not finite, or no draw reaches any of the
+        pressures.
 
     See Also
     --------

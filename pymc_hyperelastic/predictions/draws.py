@@ -1,4 +1,7 @@
-"""Material and tube of each draw of a posterior."""
+"""Build the material and the geometry of the tube for each draw of a posterior.
+
+All functions of this folder that predict curves, stresses or properties call :func:`draws_of`.
+"""
 
 from collections.abc import Sequence
 from numbers import Real
@@ -30,55 +33,57 @@ from pymc_hyperelastic.quantities import IN_RESULTS
 
 Array = NDArray[np.float64]
 
-# Radii between the ends of the data.
+# Number of equidistant radii between the smallest and the largest of the data: enough for a smooth
+# curve.
 _RADII = 40
 
 
 class Draws(NamedTuple):
-    """Material and tube of each draw."""
+    """Material and tube of each draw of a posterior."""
 
     tube: TubeNumbers
     """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
+    """Coordinates ``chain`` and ``draw``."""
     typical: dict[str, Any]
-    """Geometry, of which what differs between draws has its median.
+    """Geometry (mm, rad), with the median of each measure that differs between draws.
 
-    The axial stretch may be an array, one for each of the radii or pressures that are asked for.
+    The axial stretch may be an array, with one value for each radius or pressure of a prediction.
     """
     inferred: dict[str, float]
-    """Medians of what is inferred of the geometry, or of the wall."""
+    """Medians of the inferred measures of the geometry, including the thickness of the wall."""
     member: Member
-    """Of whom they are."""
+    """Specimen whose parameters and tests are used."""
     of_class: str | None = None
-    """Name of the class, if the result is one of several."""
+    """Name of the class, if the result is one of several classes."""
 
     @property
     def tests(self) -> xr.Dataset | None:
-        """Tests of whom they are, on typical tubes."""
+        """Tests of the specimen, on tubes with the median geometry."""
         data = self.member.data
         return None if data is None else typical_tests(data, self.inferred)
 
     @property
     def measured(self) -> Measured | None:
-        """Where the tubes were measured by which the parameters are known, if the result tells."""
+        """Measured range of the tests behind the parameters; None if the result has no data."""
         evidence = self.member.evidence
         return None if evidence is None else measured_by(typical_tests(evidence, self.inferred))
 
     @property
     def without_force(self) -> bool:
-        """Whether no axial force was measured in the tests that the parameters come from."""
+        """True if the result has data, and none of them is an axial force."""
         evidence = self.member.evidence
         if evidence is None:
-            return False  # nobody knows
+            return False
         return "axial_force" not in evidence or bool(evidence["axial_force"].isnull().all())
 
     def at_each_stretch(self, points: Array) -> Array:
-        """Radii or pressures, as many as axial stretches are given; one is that at all of them.
+        """Return radii or pressures, one for each axial stretch; repeat a single one.
 
         Raises
         ------
         ValueError
-            If there are as many as several of both, but not as many of one as of the other.
+            If the numbers of points and axial stretches differ, and both exceed one.
         """
         count = np.size(self.typical["axial_stretch"])
         if points.size == 1 and count > 1:
@@ -91,11 +96,13 @@ class Draws(NamedTuple):
         if count not in (1, points.size):
             raise ValueError(
                 f"axial_stretch has {count} values, and there are {points.size} radii or "
-                "pressures: expected one value, or one for each of these"
+                "pressures: expected one axial stretch, or one for each radius or pressure"
             )
 
     def radius_at(self, pressure: Array) -> Array:
-        """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
+        """Return internal radii (mm), (chain, draw, pressure), on the rising branch of the curve.
+
+        Draws that do not reach a pressure give NaN and a warning.
 
         Raises
         ------
@@ -109,7 +116,7 @@ class Draws(NamedTuple):
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
-        """Which internal radii are beyond what was measured; None if the result does not tell."""
+        """Flag internal radii outside the measured range; None if the result has no data."""
         self._check_stretches(radius)
         measured = self.measured
         if measured is None:
@@ -119,11 +126,15 @@ class Draws(NamedTuple):
     def extrapolated_pressures(
         self, pressure: Array, radius: Array, unit: str
     ) -> Extrapolated | None:
-        """Which pressures, given in a unit, and with these radii, are beyond what was measured."""
+        """Flag pressures outside the measured range; None if the result has no data.
+
+        `radius` has the radii (chain, draw, pressure) at the pressures, and `unit` is that in which
+        the user gave the pressures.
+        """
         measured = self.measured
         if measured is None:
             return None
-        # Draws that do not reach a pressure would have to be inflated further than the others.
+        # A draw that does not reach the pressure counts as infinitely inflated.
         median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
         found = measured.at_pressures(pressure, median, self.typical, unit)
         return found._replace(of_class=self.of_class)
@@ -131,10 +142,10 @@ class Draws(NamedTuple):
     def dataset(
         self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
     ) -> xr.Dataset:
-        """Label arrays of the dimensions chain, draw and those of `axes`.
+        """Return variables (chain, draw, and `axes`) as a Dataset with units and long names.
 
-        Along the first of `axes` the points are `extrapolated`, or not, and at axial stretches of
-        their own if several are given.
+        The coordinates ``extrapolated``, and ``axial_stretch`` if there are several stretches, lie
+        along the first of `axes`.
         """
         dims = ("chain", "draw", *axes)
         values = {name: (dims, value) for name, value in variables.items()}
@@ -152,25 +163,28 @@ class Draws(NamedTuple):
 
 
 class GivenTube(TypedDict, total=False):
-    """What a caller may say of the tube, where the result does not, or something else is meant."""
+    """Keyword arguments by which a caller overrides the material or the tube of the result."""
 
     energy: StrainEnergy | Sequence[Layer] | None
     specimen: str | None
     inner_radius: float | None
     outer_radius: float | None
     axial_stretch: float | Sequence[float] | NDArray[np.float64] | None
-    """One for all points, or one for each."""
+    """One value for all points, or one for each point."""
     opening_angle: float | None
     radius_unit: str
-    """Of all radii that are given."""
+    """Unit of all radii that the caller gives."""
 
 
 def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
-    """Material and tube by draw: as given, else as inferred, else that of the data."""
-    strangers = [name for name in tube if name not in GivenTube.__annotations__]
-    if strangers:
+    """Return material and tube of each draw.
+
+    Each measure of the tube is the argument, else the inferred value, else the value of the data.
+    """
+    unknown = [name for name in tube if name not in GivenTube.__annotations__]
+    if unknown:
         raise TypeError(
-            f"{strangers[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
+            f"{unknown[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
         )
     wall, member, values = wall_draws_of(tree, tube.get("energy"), tube.get("specimen"))
     posterior = member.posterior
@@ -199,7 +213,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
 def _layers(
     wall: list[NamedLayer], values: list[dict[str, Array]], geometry: dict[str, Array]
 ) -> list[ReferenceLayer]:
-    """The layers of tubes, one around the other."""
+    """Return the layers of the unloaded wall, from the inside out."""
     layers = []
     inner = geometry["inner_radius"]
     for layer, of_layer in zip(wall, values, strict=True):
@@ -214,7 +228,7 @@ def _layers(
 
 
 def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, Any]:
-    """What is given of the geometry, in mm and rad."""
+    """Return the geometry that the caller gave, in mm and rad."""
     given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
     for name, value in given.items():
         if name == "axial_stretch" and not isinstance(value, Real):
@@ -232,7 +246,10 @@ def _millimetres(radius: Any, **tube: Unpack[GivenTube]) -> Array:
 
 
 def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
-    """What is inferred of the tube; of measures of its wall one, which gives the outer radius."""
+    """Return names of the inferred measures of the tube, with at most one measure of the wall.
+
+    The outer radius follows from this measure.
+    """
     measures = () if layered else ("outer_radius", "thickness", "wall_area")
     wall = [name for name in measures if name in posterior][:1]
     return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
@@ -241,13 +258,16 @@ def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
 def _geometry(
     data: xr.Dataset | None, inferred: dict[str, Any], given: dict[str, Any]
 ) -> dict[str, Array]:
-    """Reference tube: as it is given, else as it was inferred, else that of the data."""
+    """Return the reference tube (mm, rad), as arrays that broadcast to (chain, draw, 1).
+
+    Each measure is the given value, else the inferred value, else the value of the data.
+    """
     tube = _common_geometry(data) | inferred | given
     wall = next((name for name in ("thickness", "wall_area") if name in inferred), None)
     if wall and "outer_radius" in given:
         del tube[wall]
     elif wall:
-        del tube["outer_radius"]  # that of the data
+        del tube["outer_radius"]  # the data's, which the inferred measure replaces
         check_geometry(**{wall: tube[wall]})
     unknown = [name for name, value in tube.items() if value is None]
     if unknown:
@@ -255,14 +275,14 @@ def _geometry(
     tube = inferred_geometry(tube)
     check_geometry(**tube)
     values = {name: np.asarray(tube[name], float) for name in GEOMETRY}
-    # What is given as a list is by points, the last axis.
+    # A list has one value for each point, along the last axis.
     return {n: v[None, None] if v.ndim == 1 else np.atleast_3d(v) for n, v in values.items()}
 
 
 def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
-    """What is not known of a tube, or differs between tests, and how to say which is meant."""
-    none = np.array([])
-    tubes = {name: none if data is None else np.unique(data[name].values) for name in unknown}
+    """Return the message for measures that are unknown, or that differ between tests."""
+    no_values = np.array([])
+    tubes = {name: no_values if data is None else np.unique(data[name].values) for name in unknown}
     measured = {
         k: list(dict.fromkeys(f"{x:.6g}" for x in v if np.isfinite(x))) for k, v in tubes.items()
     }
@@ -270,17 +290,22 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
         f"{k} ({', '.join(v[:4] + ['...'] * (len(v) > 4)) or 'unknown'})"
         for k, v in measured.items()
     ]
-    say = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
-    message = f"the result's data do not have one {', one '.join(found)}: say which, such as {say}"
-    # Other tests of a specimen may be at another stretch, but are on the same tube.
+    example = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
+    message = (
+        f"the result's data do not have one {', one '.join(found)}: give it, such as {example}"
+    )
+    # Tests of one specimen may differ in axial stretch, so that its name would not help.
     names = [] if data is None else list(dict.fromkeys(data["specimen"].values.tolist()))
     if len(names) > 1:
-        message += f", or whose tube it is, such as specimen={names[0]!r}"
+        message += f", or the specimen whose tube is meant, such as specimen={names[0]!r}"
     return f"{message}; in a figure tube={{{unknown[0]!r}: ...}}"
 
 
 def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
-    """Geometry that all tests of the data share, up to rounding errors; None where they differ."""
+    """Return each measure that all tests share up to rounding errors, else None.
+
+    Without data the axial stretch is 1 and the opening angle 0.
+    """
     default: dict[str, Any] = dict.fromkeys(GEOMETRY)
     default |= {"axial_stretch": 1.0, "opening_angle": 0.0}
     if data is None:
@@ -295,7 +320,7 @@ def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
 
 
 def checked_numbers(name: str, values: Any, expected: str) -> Array:
-    """A list of finite numbers, or one, as an array."""
+    """Return a finite number, or a list of finite numbers, as a 1-D array; else raise."""
     try:
         numbers = np.atleast_1d(np.asarray(values, float))
     except (TypeError, ValueError):
@@ -306,7 +331,7 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
 
 
 def checked_pressures(pressure: Any, unit: str, check: Check) -> Array:
-    """Pressures in some unit as an array, kPa; those that no tube is inflated to are doubted."""
+    """Convert pressures to an array in kPa; `check` decides about implausibly large ones."""
     pressures = to_internal(
         checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
     )
@@ -316,7 +341,7 @@ def checked_pressures(pressure: Any, unit: str, check: Check) -> Array:
 
 
 def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
-    """A list of radii, in the unit of those of the tube, as an array, mm."""
+    """Convert radii, given in the ``radius_unit`` of the tube, to an array in mm."""
     expected = f"positive radii in {tube.get('radius_unit', 'mm')}"
     radii = checked_numbers("internal_radius", internal_radius, expected)
     if not np.all(radii > 0):
@@ -325,25 +350,25 @@ def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
 
 
 def radii_of_data(data: xr.Dataset | None) -> Array:
-    """Radii between the ends of the data, mm."""
+    """Return equidistant radii (mm) from the smallest to the largest of the data."""
     measured = np.array([]) if data is None else data["radius"].values
     measured = measured[np.isfinite(measured)]
     if not measured.size:
-        raise ValueError("the result holds no radii: say at which to look, internal_radius=...")
+        raise ValueError("the result holds no measured radii: give internal_radius=...")
     return np.linspace(measured.min(), measured.max(), _RADII)
 
 
 def _report_unreached(
     radius: Array, pressure: Array, several_stretches: bool, of_class: str | None
 ) -> None:
-    """Warn of pressures that some draws do not reach; raise if none reaches any."""
+    """Warn of pressures that some draws do not reach; raise if no draw reaches any pressure."""
     unreached = np.isnan(radius)
     where = "on the rising branch of the curve, see ph.radius_at_pressure"
-    whose = f"class {of_class!r}: " if of_class else ""
+    prefix = f"class {of_class!r}: " if of_class else ""
     names = [f"{p:g} kPa ({p / mmHg:.4g} mmHg)" for p in pressure]
     if unreached.all():
-        wanted = ", ".join(dict.fromkeys(names))
-        raise ValueError(f"{whose}no draw reaches a pressure of {wanted} {where}")
+        pressures = ", ".join(dict.fromkeys(names))
+        raise ValueError(f"{prefix}no draw reaches a pressure of {pressures} {where}")
     count = unreached.sum(axis=(0, 1))
     if not count.any():
         return
@@ -355,4 +380,4 @@ def _report_unreached(
             f"{n} do not reach {name}" for name, n in zip(names, count, strict=True) if n
         )
     draws = radius[..., 0].size
-    warn_user(f"{whose}of {draws} draws {missed} {where}; the values are NaN there")
+    warn_user(f"{prefix}of {draws} draws {missed} {where}; the values are NaN there")

@@ -1,4 +1,8 @@
-"""What follows from two pressures between which a tube works: its stretch in vivo, its energy."""
+"""Compute the in vivo axial stretch, and the change of stored energy, between two pressures.
+
+:func:`~pymc_hyperelastic.tube_properties` calls :func:`between_pressures`. The in vivo stretch is
+that at which the reduced axial force is equal at both pressures.
+"""
 
 import numpy as np
 import xarray as xr
@@ -9,24 +13,32 @@ from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.draws import Array, Draws
 from pymc_hyperelastic.predictions.measured import Extrapolated, warn_user, warned
 
-# In vivo stretches are looked for between the ends of these, which are so close to each other that
-# a change of sign between neighbours is one.
+# Axial stretches that bracket the in vivo stretch. Neighbours are so close that a change of sign
+# between them is a single root. The ends are stated in the docstring of tube_properties.
 _STRETCHES = np.geomspace(0.8, 2.5, 9)
-# A change of force below this part of the thrust of the pressure is rounding. Laws that say nothing
-# of axial force have no other.
+# Changes of force below this fraction of the pressure's thrust π a² p count as rounding errors, as
+# for strain energies without axial force.
 _ROUNDING = 1e-9
-# Relative error of the stretch, and the change of force that may be left there.
-_TOLERANCE, _NO_RISE = 1e-9, 1e-6
-# Steps of Newton's method in a radius, the longest of them, and one after which none is needed.
-_STEPS, _LARGEST_STEP, _LAST_STEP = 8, 0.1, 1e-6
+# Relative tolerance of the in vivo stretch.
+_TOLERANCE = 1e-9
+# Largest change of force that may remain at a root, as a fraction of the thrust π a² p: a jump of
+# the force through zero is no root.
+_NO_RISE = 1e-6
+# Largest number of Newton steps for a radius.
+_STEPS = 8
+# Longest Newton step, relative to the radius: it limits overshooting.
+_LARGEST_STEP = 0.1
+# Relative Newton step below which the radius has converged.
+_LAST_STEP = 1e-6
 
 
 def between_pressures(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
-    """In vivo stretch, and change of energy, of draws between two pressures given in a unit.
+    """Return in vivo stretch and change of stored energy (kPa) between two pressures (kPa).
 
-    With the scalar coordinates ``range_extrapolated`` and ``in_vivo_extrapolated``, if the result
-    tells what was measured. Warns of both, of draws without an in vivo stretch, and where no axial
-    force was measured.
+    If the result has data, the scalar coordinates ``range_extrapolated`` and
+    ``in_vivo_extrapolated`` flag extrapolation, with a warning. Draws without an in vivo stretch,
+    and data without an axial force, also cause warnings. `unit` is that in which the user gave the
+    pressures.
     """
     radius = draws.radius_at(pressure)
     stored = draws.tube.wall_means(radius).energy
@@ -36,36 +48,37 @@ def between_pressures(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
         stored_energy_change=stored[..., 1] - stored[..., 0],
         in_vivo_axial_stretch=stretch,
     )
-    none = np.isnan(stretch)
-    result["in_vivo_axial_stretch"].attrs["draws_without"] = int(none.sum())
+    undefined = np.isnan(stretch)
+    result["in_vivo_axial_stretch"].attrs["draws_without"] = int(undefined.sum())
     ends = dict(zip(("diastolic_pressure", "systolic_pressure"), pressure.tolist(), strict=True))
     for name in result:
         result[name].attrs |= ends
-    _report(none, pressure, draws.without_force)
+    _report(undefined, pressure, draws.without_force)
     flags = {"range_extrapolated": warned(draws.extrapolated_pressures(pressure, radius, unit))}
-    if not none.all():
+    if not undefined.all():
         flags["in_vivo_extrapolated"] = _extrapolated(draws, pressure, stretch, unit)
-    known = {name: bool(flag.points.any()) for name, flag in flags.items() if flag is not None}
-    return result.assign_coords(known)
+    coords = {name: bool(flag.points.any()) for name, flag in flags.items() if flag is not None}
+    return result.assign_coords(coords)
 
 
-def _report(none: NDArray[np.bool_], pressure: Array, without_force: bool) -> None:
-    """Warn of draws without an in vivo stretch, and of stretches that rest on the law alone."""
-    if none.any():
+def _report(undefined: NDArray[np.bool_], pressure: Array, without_force: bool) -> None:
+    """Warn of draws without an in vivo stretch, and of data without an axial force."""
+    if undefined.any():
         (low, high), (diastole, systole) = _STRETCHES[[0, -1]], pressure
         warn_user(
-            f"of {none.size} draws {none.sum()} have no in vivo axial stretch from {low:g} to "
-            f"{high:g}, at which the reduced axial force turns from falling to rising between "
-            f"{diastole:.4g} and {systole:.4g} kPa; the values are NaN there"
+            f"of {undefined.size} draws {undefined.sum()} have no in vivo axial stretch from "
+            f"{low:g} to {high:g}, at which the reduced axial force turns from falling to rising "
+            f"between {diastole:.4g} and {systole:.4g} kPa; the values are NaN there"
         )
-    if without_force and not none.all():
+    if without_force and not undefined.all():
         warn_user(
-            "the in vivo axial stretch rests on the law: no axial force is among the result's data"
+            "the in vivo axial stretch rests on the strain energy alone: the result's data have no "
+            "axial force"
         )
 
 
 def _extrapolated(draws: Draws, pressure: Array, stretch: Array, unit: str) -> Extrapolated | None:
-    """Whether the tube was not measured at its median in vivo stretch, and a warning if so."""
+    """Flag, with a warning, pressures that are extrapolated at the median in vivo stretch."""
     if draws.measured is None:
         return None
     median = float(np.nanmedian(stretch))
@@ -73,25 +86,29 @@ def _extrapolated(draws: Draws, pressure: Array, stretch: Array, unit: str) -> E
     at_median = draws._replace(tube=tube, typical=draws.typical | {"axial_stretch": median})
     beyond = at_median.extrapolated_pressures(pressure, tube.radius_at(pressure), unit)
     if beyond is not None and beyond.points.any():
-        warn_user(f"the in vivo axial stretch is extrapolated, by the law alone: {beyond.words}")
+        warn_user(
+            "the in vivo axial stretch is extrapolated, and rests on the strain energy alone: "
+            f"{beyond.words}"
+        )
     return beyond
 
 
 def in_vivo_stretch(tube: TubeNumbers, pressure: Array) -> Array:
-    """Least axial stretch at which the reduced axial force turns from falling to rising.
+    """Return the smallest axial stretch at which the change of axial force becomes positive.
 
-    By (chain, draw), between a lower and a higher pressure; NaN if there is none. Where the force
-    falls, the tube at that length would push; where it rises, pull.
+    The change is that of the reduced axial force from the lower to the higher pressure (kPa): it is
+    negative in a shorter tube and positive in a longer one. The result has the shape (chain, draw),
+    with NaN for draws without such a stretch.
     """
     draws, shape = _flat(tube)
     count = shape[0] * shape[1]
     near = np.full((count, 2), np.nan)
 
     def rise(stretch: Array, draw: NDArray[np.intp]) -> Array:
-        """Rise of force of draws, in parts of the thrust, by radii near the last ones."""
-        some = draws.each(lambda value: value[draw]).stretched(stretch[:, None])
-        near[draw] = _radius(some, pressure, near[draw])
-        return _rise(some, pressure, near[draw])
+        """Return the relative change of force of draws; start from their last radii."""
+        stretched = draws.each(lambda value: value[draw]).stretched(stretch[:, None])
+        near[draw] = _radius(stretched, pressure, near[draw])
+        return _rise(stretched, pressure, near[draw])
 
     falls, rises = np.full(count, np.nan), np.full(count, np.nan)
     active = np.arange(count)
@@ -102,23 +119,24 @@ def in_vivo_stretch(tube: TubeNumbers, pressure: Array) -> Array:
         falls[active[by < -_ROUNDING]] = stretch
         falls[active[np.isnan(by)]] = np.nan
         active = active[~crossed]
-    found, some = np.full(count, np.nan), np.flatnonzero(np.isfinite(rises))
-    if some.size:
+    found, bracketed = np.full(count, np.nan), np.flatnonzero(np.isfinite(rises))
+    if bracketed.size:
         root = elementwise.find_root(
             lambda stretch, draw: rise(stretch, draw.astype(int)),
-            (falls[some], rises[some]),
-            args=(some,),
+            (falls[bracketed], rises[bracketed]),
+            args=(bracketed,),
             tolerances={"xrtol": _TOLERANCE},
         )
-        # Radii that were looked for from afar have the last word, and a force that jumps has none.
-        there = draws.each(lambda value: value[some]).stretched(root.x[:, None])
-        left = np.abs(_rise(there, pressure, there.radius_at(pressure)))
-        found[some] = np.where(root.success & (left < _NO_RISE), root.x, np.nan)
+        # Check each root with radii on the rising branch, which Newton's method may have left. The
+        # check also rejects forces that jump through zero.
+        at_root = draws.each(lambda value: value[bracketed]).stretched(root.x[:, None])
+        left = np.abs(_rise(at_root, pressure, at_root.radius_at(pressure)))
+        found[bracketed] = np.where(root.success & (left < _NO_RISE), root.x, np.nan)
     return found.reshape(shape)
 
 
 def _flat(tube: TubeNumbers) -> tuple[TubeNumbers, tuple[int, int]]:
-    """The tubes along one axis, and another of length 1; how many chains and draws there are."""
+    """Return the tubes with shape (chain·draw, 1), and the numbers of chains and draws."""
     entries = [np.shape(entry) for layer in tube.layers for entry in layer.entries]
     geometry = [np.shape(value) for value in tube.geometry.values()]
     chains, draws, _ = np.broadcast_shapes(*geometry, *entries)
@@ -127,13 +145,16 @@ def _flat(tube: TubeNumbers) -> tuple[TubeNumbers, tuple[int, int]]:
 
 
 def _rise(tube: TubeNumbers, pressure: Array, radius: Array) -> Array:
-    """Rise of the reduced axial force between two pressures, in parts of the thrust."""
+    """Return the change of the reduced axial force, divided by the thrust π a² p."""
     force = tube.axial_force(radius)
     return (force[:, 1] - force[:, 0]) / (np.pi * radius[:, 1] ** 2 * pressure[1])
 
 
 def _radius(tube: TubeNumbers, pressure: Array, near: Array) -> Array:
-    """Radii at pressures, by Newton's method from radii near to them; from afar where it fails."""
+    """Return radii (mm) at pressures (kPa) by Newton's method from the radii `near`.
+
+    Tubes for which this fails get the radius from a search along the rising branch.
+    """
     radius, step = near, np.full(near.shape, np.nan)
     for _ in range(_STEPS):
         value, slope = tube.pressure(radius)

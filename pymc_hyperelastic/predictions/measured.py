@@ -1,18 +1,18 @@
-"""Where the tubes of a result were measured: beyond that a prediction rests on its law alone.
+"""Flag predictions outside the measured range, where they rest on the strain energy alone.
 
-What tells of a material is how far it was stretched. A prediction is *extrapolated* where it leaves
-what was measured:
+The data inform about a material in the range of its measured stretches. A prediction is
+*extrapolated*
 
 at a radius
-    where circles of the wall have hoop and axial stretches that lie outside the convex hull of
-    those that were measured. On one tube at one axial stretch that is outside its measured radii;
+    if the hoop and axial stretches of the wall lie outside the convex hull of the measured ones. On
+    one tube at one axial stretch this means outside the measured radii;
 at a pressure
-    that is lower or higher than all that were measured on this tube at this axial stretch, in
-    inflation tests or in extension tests that pass through it. To tests on other tubes, or at other
-    axial stretches, pressures do not compare: if there are such, it is extrapolated only if the
-    wall at its median radius is, too.
+    if it is lower or higher than all pressures measured on this tube at this axial stretch, in
+    inflation tests or in extension tests that pass through this stretch. Pressures of other tubes,
+    or at other axial stretches, cannot be compared. If the data have such tests, the prediction is
+    extrapolated only if its median radius is extrapolated as well.
 
-Where the geometry is inferred, its median stands for it.
+An inferred geometry is replaced by its median.
 """
 
 import warnings
@@ -35,40 +35,43 @@ from pymc_hyperelastic.messages import PACKAGE
 
 Array = NDArray[np.float64]
 
-# Relative: what was measured is within, however it was rounded.
+# Relative tolerance of comparisons, so that rounding errors do not move a measured point outside
+# the measured range.
 ROUNDING = 1e-9
-# Digits to which axial stretches are rounded before they are compared.
+# Decimals to which axial stretches are rounded before they are compared: coarser than rounding
+# errors, finer than any measurement.
 _DIGITS = 9
 
 
 class Extrapolated(NamedTuple):
-    """Which of the points that were asked for are beyond what was measured."""
+    """Flags of the points of a prediction that are extrapolated."""
 
     points: NDArray[np.bool_]
+    """True for each extrapolated point."""
     words: str
-    """What was asked for there, and what was measured."""
+    """Range of the extrapolated points, and range that was measured, for the warning."""
     of_class: str | None = None
-    """Which of several classes predicts, as a warning names it."""
+    """Name of the class, if the result is one of several classes."""
 
 
 class Measured(NamedTuple):
-    """The tests of a result: on which tubes, and from where to where.
+    """Tubes and measured ranges of the tests of a result.
 
-    Every point of an extension test is at an axial stretch of its own, and stands here beside the
-    inflation tests.
+    The dimension ``test`` has one entry for each inflation test, and one for each point of an
+    extension test, because its points differ in axial stretch.
     """
 
     tubes: dict[str, Array]
-    """Geometry of each test, or point."""
+    """Geometry (mm, rad) by ``test``."""
     radius: Array
-    """Smallest and largest internal radius of each, mm: (end, test)."""
+    """Smallest and largest internal radius, mm, (end, test)."""
     axial: Array
-    """Least and largest axial stretch of each; of a point those of its test."""
+    """Smallest and largest axial stretch of the whole test, (end, test)."""
     pressure: Array
-    """Lowest and highest pressure, kPa, likewise."""
+    """Lowest and highest pressure of the whole test, kPa, (end, test)."""
 
     def at_radii(self, radius: Array, tube: Mapping[str, Any]) -> Extrapolated:
-        """Which internal radii of a tube, of one axial stretch or one each, are beyond."""
+        """Flag extrapolated internal radii of a tube, at one axial stretch or one per radius."""
         beyond = self._beyond_stretches(radius, tube)
         held = np.array_equal(*self.axial) and not np.ndim(tube["axial_stretch"])
         if held and self._on(tube, tube["axial_stretch"]).all():
@@ -79,22 +82,25 @@ class Measured(NamedTuple):
     def at_pressures(
         self, pressure: Array, radius: Array, tube: Mapping[str, Any], unit: str
     ) -> Extrapolated:
-        """Which pressures, given in a unit, are beyond in a tube that has these median radii.
+        """Flag extrapolated pressures (kPa) of a tube, given its median radii at these pressures.
 
-        The tube has one axial stretch, or one for each of them.
+        The tube has one axial stretch, or one per pressure. `unit` is that of the user's pressures:
+        it decides whether the message suggests mmHg.
         """
         stretches = np.broadcast_to(tube["axial_stretch"], pressure.shape)
-        here = np.array([self._on(tube, stretch) for stretch in stretches])
-        there = here.any(axis=1)
+        comparable = np.array([self._on(tube, stretch) for stretch in stretches])
+        any_comparable = comparable.any(axis=1)
         low, high = (
-            np.where(there, extreme(np.where(here, of_tests, far), axis=1), np.nan)
-            for extreme, of_tests, far in zip(
+            np.where(
+                any_comparable, extreme(np.where(comparable, of_tests, filler), axis=1), np.nan
+            )
+            for extreme, of_tests, filler in zip(
                 (np.min, np.max), self.pressure, (np.inf, -np.inf), strict=True
             )
         )
         beyond = ~_between(pressure, low, high)
         words = f"pressure {_in_both_units(pressure[beyond])}"
-        if here.all():
+        if comparable.all():
             words += f", measured {_in_both_units(self.pressure)}"
             as_mmhg = _between(pressure * mmHg, self.pressure.min(), self.pressure.max())
             if unit == "kPa" and as_mmhg.all():
@@ -106,13 +112,13 @@ class Measured(NamedTuple):
         return Extrapolated(beyond, words)
 
     def _on(self, tube: Mapping[str, Any], stretch: float) -> NDArray[np.bool_]:
-        """Which tests are on this tube, and have, or pass through, this axial stretch."""
+        """Return True for each test on this tube whose axial stretches include `stretch`."""
         unloaded = [name for name in GEOMETRY if name != "axial_stretch"]
         same = [np.isclose(self.tubes[n], tube[n], rtol=ROUNDING, atol=0) for n in unloaded]
         return np.all([*same, _between(stretch, *self.axial)], axis=0)
 
     def _beyond_stretches(self, radius: Array, tube: Mapping[str, Any]) -> Extrapolated:
-        """At which radii the wall of a tube is stretched as none was."""
+        """Flag radii whose wall stretches lie outside the convex hull of the measured ones."""
         axial = np.broadcast_to(tube["axial_stretch"], radius.shape)
         measured = self.tubes["axial_stretch"]
         outside = ~_between(axial, measured.min(), measured.max())
@@ -123,7 +129,7 @@ class Measured(NamedTuple):
         low = -_upper_hull(axial, measured, -of_tests.min(axis=0))
         high = _upper_hull(axial, measured, of_tests.max(axis=0))
         asked = _hoop_stretches(radius, tube)
-        # A radius that is NaN is not between.
+        # NaN radii, which a draw does not reach, count as extrapolated.
         beyond = outside | ~_between(asked, low, high).all(axis=0)
         words = (
             f"hoop stretch of the wall {_ends(asked[:, beyond])} at axial stretch {_ends(axial)}, "
@@ -135,7 +141,10 @@ class Measured(NamedTuple):
 
 
 def typical_tests(data: xr.Dataset, inferred: Mapping[str, float]) -> xr.Dataset:
-    """Tests of tubes whose unknown measures have these medians; NaN is what remains unknown."""
+    """Return the tests with the inferred medians in their geometry; unknown measures stay NaN.
+
+    Missing internal radii are computed from the outer diameters.
+    """
     tubes = {name: data[name].values.astype(float) for name in GEOMETRY}
     tubes = inferred_geometry(
         tubes | {k: np.full(data.sizes["test"], v) for k, v in inferred.items()}
@@ -150,55 +159,59 @@ def typical_tests(data: xr.Dataset, inferred: Mapping[str, float]) -> xr.Dataset
 
 
 def measured_by(tests: xr.Dataset) -> Measured | None:
-    """What was measured in tests; None if nothing is known of their tubes."""
+    """Return the measured ranges of tests; None if no test has a known tube."""
     points = {name: tests[name].values for name in ("radius", "pressure")}
     points |= {name: at_points(tests, name) for name in GEOMETRY}
     columns: list[dict[str, Array]] = []
     for test, extended in enumerate(extension_tests(tests)):
-        own = {name: values[points_of(tests, test)] for name, values in points.items()}
-        ends = {name: np.array([[v.min()], [v.max()]]) for name, v in own.items()}
+        of_test = {name: values[points_of(tests, test)] for name, values in points.items()}
+        ends = {name: np.array([[v.min()], [v.max()]]) for name, v in of_test.items()}
         if extended:
-            count = own["radius"].size
+            count = of_test["radius"].size
             ends = {name: np.repeat(v, count, axis=1) for name, v in ends.items()}
-            ends["radius"] = np.stack([own["radius"]] * 2)
-        at_each = own["axial_stretch"] if extended else own["axial_stretch"][:1]
+            ends["radius"] = np.stack([of_test["radius"]] * 2)
+        at_each = of_test["axial_stretch"] if extended else of_test["axial_stretch"][:1]
         columns.append(ends | {"at_each": at_each[None]})
     joined = {n: np.concatenate([c[n] for c in columns], axis=1) for n in columns[0]}
-    known = np.isfinite(np.concatenate([*joined.values()])).all(axis=0)
-    if not known.any():
+    finite = np.isfinite(np.concatenate([*joined.values()])).all(axis=0)
+    if not finite.any():
         return None
-    joined = {name: values[:, known] for name, values in joined.items()}
+    joined = {name: values[:, finite] for name, values in joined.items()}
     tubes = {name: joined[name][0] for name in GEOMETRY} | {"axial_stretch": joined["at_each"][0]}
     return Measured(tubes, joined["radius"], joined["axial_stretch"], joined["pressure"])
 
 
 def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
-    """The same, after a warning if something is extrapolated."""
+    """Warn if any point is extrapolated, and return the argument."""
     if extrapolated is not None and extrapolated.points.any():
         count = int(extrapolated.points.sum())
-        whose = f"class {extrapolated.of_class!r}: " if extrapolated.of_class else ""
+        prefix = f"class {extrapolated.of_class!r}: " if extrapolated.of_class else ""
         warn_user(
-            f"{whose}{count} of {extrapolated.points.size} points {'is' if count == 1 else 'are'} "
-            f"extrapolated, where nothing was measured and the law decides: {extrapolated.words}"
+            f"{prefix}{count} of {extrapolated.points.size} points {'is' if count == 1 else 'are'} "
+            f"extrapolated: {extrapolated.words}. Outside the measured range predictions rest on "
+            "the strain energy alone"
         )
     return extrapolated
 
 
 def warn_user(words: str) -> None:
-    """Warn at the line that called the package."""
+    """Issue a warning that points to the user's line of code, outside the package."""
     warnings.warn(words, skip_file_prefixes=(PACKAGE,))
 
 
 def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
-    """Hoop stretches at the inner and the outer surface, between which are those of the wall."""
+    """Return hoop stretches (surface, radius) at the inner and the outer surface.
+
+    All other hoop stretches of the wall lie between these two.
+    """
     rest = {name: value for name, value in tube.items() if name != "outer_radius"}
     faces = tube["inner_radius"], tube["outer_radius"]
     return np.array([stretches(face, radius, **rest)[1] for face in faces])
 
 
 def _upper_hull(at: Array, x: Array, y: Array) -> Array:
-    """Height of the convex hull of points (x, y) at places between them."""
-    # Stretches that differ by rounding errors are one.
+    """Return the upper edge of the convex hull of points (x, y), interpolated at `at`."""
+    # Stretches that differ only by rounding errors count as equal.
     at, x = at.round(_DIGITS), x.round(_DIGITS)
     hull: list[tuple[float, float]] = []
     for place in np.unique(x):
@@ -210,7 +223,7 @@ def _upper_hull(at: Array, x: Array, y: Array) -> Array:
 
 
 def _turns_left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
-    """Whether the way from `a` over `b` to `c` turns to the left, or goes straight on."""
+    """Return True if the path from `a` over `b` to `c` turns left or is straight."""
     return (b[0] - a[0]) * (c[1] - a[1]) >= (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -220,7 +233,7 @@ def _between(x: Array | float, low: Array | float, high: Array | float) -> NDArr
 
 
 def _ends(values: Array) -> str:
-    """The least and the largest of some numbers, in words; NaN are those that were not reached."""
+    """Return "smallest to largest" of the finite values, as text; NaN are pressures not reached."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "beyond all"

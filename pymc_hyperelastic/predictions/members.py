@@ -1,4 +1,7 @@
-"""Of whom a prediction is: the typical specimen of a class, or one that was measured."""
+"""Select the parameters of one specimen, measured or typical, from a result.
+
+All predictions call :func:`member_of`, through :mod:`~pymc_hyperelastic.predictions.walls`.
+"""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -33,12 +36,13 @@ from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
+# Name of the typical specimen: the specimen at the location of the class.
 TYPICAL = "typical"
-# Draws of a specimen are the same at every call.
+# Seed of the resampling of a specimen's draws: fixed, so that every call returns the same draws.
 _SEED = 1
 
 
-# Variables of the group "specimens" of a class, and their dimensions for one specimen.
+# Variables of the group "specimens" of a fitted class, and their dimensions for one specimen.
 _DRAWS: dict[str, tuple[str, ...]] = {
     "centre": ("coordinate", "particle"),
     "scatter": ("coordinate", "particle"),
@@ -51,43 +55,46 @@ _DRAWS: dict[str, tuple[str, ...]] = {
 
 
 class Member(NamedTuple):
-    """Whose parameters are meant, and what was measured of them."""
+    """Parameters and tests of one specimen."""
 
     posterior: xr.Dataset
-    """With the material parameters by (chain, draw)."""
+    """Material parameters, (chain, draw)."""
     data: xr.Dataset | None
-    """Tests that state the tube; None if the result holds none."""
+    """Tests from which the geometry of the tube is read; None if the result has no data."""
     evidence: xr.Dataset | None
-    """Tests that the parameters come from."""
+    """Tests to which the parameters were fitted; None if the result has no data."""
     name: str | None
-    """None where specimens do not differ and none was asked for."""
+    """Name of the specimen; None if all specimens share one posterior and no name was given."""
 
 
 def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -> Member:
-    """Posterior and data of a specimen, or of the typical one where specimens differ."""
+    """Return posterior and data of a specimen; without a name, of the typical specimen.
+
+    If all specimens share one posterior, the name selects the tests only.
+    """
     posterior = read_draws(tree, "posterior")
     data = inflation_data_of(tree) if holds_inflation_data(tree) else None
-    own = data if specimen is None else tests_of(data, str(specimen))
+    of_specimen = data if specimen is None else tests_of(data, str(specimen))
     if not specimens_differ(tree):
         posterior = _with_one_tube(posterior, specimen)
-        return Member(posterior, own, data, None if specimen is None else str(specimen))
+        return Member(posterior, of_specimen, data, None if specimen is None else str(specimen))
     if "thickness" in wall[0].values and wall != wall_of(tree):
         raise TypeError(
-            "these are not the layers, or the one strain energy, of specimens that differ: leave "
-            "energy out"
+            "energy is not the one of the model (its layers, or its one strain energy), whose "
+            "specimens have separate parameters: leave energy out"
         )
     if specimen is not None:
         posterior = _of_specimen(tree, wall, str(specimen))
-        return Member(posterior, own, own, str(specimen))
+        return Member(posterior, of_specimen, of_specimen, str(specimen))
     scale = _scale(tree, wall)
     location = posterior["location"].transpose("coordinate", "chain", "draw")
     return Member(_parameters(scale, location), data, data, TYPICAL)
 
 
 def _with_one_tube(posterior: xr.Dataset, specimen: str | None) -> xr.Dataset:
-    """Posterior with the tube of one specimen; of several, none of which is asked for, with none.
+    """Select the inferred tube of one specimen; drop all tubes if there are several and no name.
 
-    A tube that was measured with an error is inferred of each specimen.
+    A tube that was measured with an error is inferred for each specimen.
     """
     if "specimen" not in posterior.dims:
         return posterior
@@ -98,7 +105,7 @@ def _with_one_tube(posterior: xr.Dataset, specimen: str | None) -> xr.Dataset:
 
 
 def _place_of(data: xr.Dataset, specimen: str) -> int:
-    """Where a specimen stands in a group of a result."""
+    """Return the index of a specimen along the dimension ``specimen``."""
     names = [str(name) for name in np.ravel(data["specimen"].values).tolist()]
     if specimen not in names:
         raise damaged(data, f"there is no specimen {specimen!r}; there are {names}")
@@ -106,20 +113,26 @@ def _place_of(data: xr.Dataset, specimen: str) -> int:
 
 
 def specimens_differ(tree: xr.DataTree) -> bool:
-    """Whether each specimen has parameters of its own: a class with variability, a population."""
+    """Return True if each specimen has separate parameters (classes with variability, populations).
+
+    The location of their distribution then has the dimension ``coordinate``.
+    """
     variables = tree["posterior"].data_vars
     return "location" in variables and "coordinate" in variables["location"].dims
 
 
 def with_parameters(tree: xr.DataTree, specimen: str | None) -> xr.DataTree:
-    """The result with the parameters of a specimen, or the typical one, in its posterior."""
+    """Return the result with the parameters of one specimen in its posterior.
+
+    Without a name they are the parameters of the typical specimen, if specimens differ.
+    """
     if not specimens_differ(tree):
         if specimen is None:
             return tree
         raise ValueError(f"specimen={specimen!r}: all specimens of this class share one posterior")
     found = member_of(tree, wall_of(tree), specimen).posterior
     rest = tree["posterior"].to_dataset()
-    # Parameters first; those of all specimens make room for those of one.
+    # Replace the variables of all specimens by the variables of this one.
     posterior = found.assign({k: v for k, v in rest.data_vars.items() if k not in found})
     tree = tree.copy()
     tree["posterior"] = xr.DataTree(posterior)
@@ -127,22 +140,22 @@ def with_parameters(tree: xr.DataTree, specimen: str | None) -> xr.DataTree:
 
 
 def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
-    """Tests of a specimen; ValueError if there are none."""
+    """Return the tests of a specimen; raise ValueError if the data have no such specimen."""
     if data is None:
-        raise ValueError(f"the result holds no data, and knows no specimen {specimen!r}")
+        raise ValueError(f"specimen={specimen!r}: the result holds no data, hence no specimens")
     if specimen not in specimens_of(data)[0]:
         raise ValueError(f"no specimen {specimen!r} in the result; it has {specimens_of(data)[0]}")
     return specimens_apart(data, [specimen])[specimen]
 
 
 def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
-    """Coordinates of the specimens of a class or a population."""
+    """Return the natural scale of the coordinates of a class or a population."""
     settings, layered = model_settings_of(tree), "thickness" in wall[0].values
     if settings is None or settings.priors is None:
-        typical = "the typical specimen"
-        unknown = f"{typical} of its layers" if layered else f"its reference_stress, and {typical}"
+        missing = "the priors of its layers" if layered else "its reference_stress"
         raise ValueError(
-            f"the result does not state {unknown}: name one that was measured, specimen='S1'"
+            f"the result does not state {missing}, and the typical specimen cannot be computed "
+            "without: give the name of a measured specimen, such as specimen='S1'"
         )
     with reading(tree):
         stated = settings.make_wall() if layered else wall[0].energy
@@ -150,31 +163,35 @@ def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
     names = class_posterior(tree)["coordinate"].values.tolist()
     if scale.names != names:
         raise ValueError(
-            f"the result's specimens have the coordinates {names}, those of {wall[0].energy.name} "
-            f"would be {scale.names}: leave energy out, or give that of the model"
+            f"the specimens of the result have the coordinates {names}, but "
+            f"{wall[0].energy.name} has {scale.names}: leave energy out, or give the strain "
+            "energy of the model"
         )
     return scale
 
 
 def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr.Dataset:
-    """Parameters of a specimen that was measured, given its curves and its class."""
+    """Return draws of a measured specimen's parameters, given its curves and its class."""
     posterior = tree["posterior"].to_dataset()
     if "specimen" in posterior.dims:
         return posterior.isel(specimen=_place_of(posterior, specimen), drop=True)
     if "specimens" not in tree.children:
-        raise ValueError("the result holds no draws of its specimens: fit the class again")
+        raise ValueError(
+            "the result has no group 'specimens' with draws of each specimen: fit the class again"
+        )
     if "experiment_spread" in posterior:
         raise ValueError(
-            f"specimen {specimen!r}: with experiment_effect each experiment has parameters of its "
-            "own, and of a class predictions of the typical specimen alone are offered, without "
-            "specimen=...; a result of ph.population_model has those of each specimen"
+            f"specimen {specimen!r}: the class was fitted with experiment_effect, so that each "
+            "experiment has separate parameters; only the typical specimen can be predicted. Leave "
+            "specimen out, or use a result of ph.population_model, which has the parameters of "
+            "each specimen"
         )
     scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
     draws = stored_draws(tree, specimen)
     if np.isinf(draws.standard_error):
         warn_user(
-            f"specimen {specimen!r} was given up after long when its class was fitted, or has "
-            "curves that are wrong: its draws, and all predictions by them, may be wrong"
+            f"specimen {specimen!r} was given up during the fit of its class, or its curves are "
+            "inaccurate: its draws and all predictions from them may be wrong"
         )
     chosen = np.stack(
         [
@@ -190,12 +207,12 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
 def _tube_of_draws(
     tree: xr.DataTree, specimen: str, deviations: Array
 ) -> dict[str, tuple[tuple[str, str], Array]]:
-    """The tube of a specimen by (chain, draw), as far as it was measured with an error."""
+    """Return the measures of a specimen's tube that were measured with an error, (chain, draw)."""
     settings = model_settings_of(tree)
     errors = settings.geometry_sd if settings else {}
     if len(errors) != len(deviations):
         raise damaged(tree, f"its draws have {len(deviations)} measures of tubes, not {[*errors]}")
-    # A stretch is asked for, and not that of a test.
+    # Predictions take the axial stretch from the caller or the data, not from a test's deviation.
     by_name = {k: z for k, z in zip(errors, deviations, strict=True) if k != "axial_stretch"}
     if not by_name:
         return {}
@@ -206,26 +223,26 @@ def _tube_of_draws(
 
 
 def names_of_specimens(fitted: xr.DataTree) -> list[str]:
-    """Names of the specimens of a class."""
+    """Return the names of the specimens in a fitted class."""
     specimens = read_group(fitted, "specimens")
     if "specimen" not in specimens.coords or not specimens.sizes.get("specimen"):
-        raise damaged(fitted, "its group 'specimens' names no specimens")
+        raise damaged(fitted, "its group 'specimens' has no names of specimens")
     return [str(name) for name in np.ravel(specimens["specimen"].values).tolist()]
 
 
 def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
-    """Draws of a specimen as its class stored them; ValueError unless they are sound."""
+    """Return the stored draws of a specimen; raise ValueError if missing or invalid."""
     names = names_of_specimens(fitted)
     if specimen not in names:
-        raise damaged(fitted, f"it has no draws of specimen {specimen!r}, but of {names}")
+        raise damaged(fitted, f"it has no draws of specimen {specimen!r}; it has draws of {names}")
     of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
     where = f" of specimen {specimen!r}"
     values: dict[str, Any] = {}
     for name, dims in _DRAWS.items():
-        # A class may have no inferred errors, and no measures of tubes with errors.
+        # These are empty if the class infers no measurement errors, or has no uncertain tubes.
         empty = name in ("log_size", "deviations") and name in of_one and not of_one[name].size
         if not empty:
-            # The error of a specimen that was given up is infinite.
+            # The standard error is infinite if sampling of the specimen was given up.
             check_numbers(fitted, of_one, name, dims, where, finite=name != "standard_error")
         values[name] = of_one[name].transpose(*dims).values
     if not values["standard_error"] >= 0:
@@ -237,27 +254,28 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
 def _one_draw_each(
     draws: SpecimenDraws, posterior: xr.Dataset, rng: np.random.Generator
 ) -> NDArray[np.intp]:
-    r"""Place of one draw of a specimen for each draw ``φ`` of its class's distribution.
+    r"""Return the index of one draw of a specimen for each draw ``φ`` of its class's distribution.
 
-    It is ``x_i`` with the probability ``∝ w_i p(x_i | φ)``, the posterior of the specimen given its
-    curves and the distribution: together they are draws of both.
+    The draw ``x_i`` with importance weight ``w_i`` is chosen with probability
+    ``∝ w_i p(x_i | φ)``, from the posterior given the specimen's curves and ``φ``. The pairs are
+    then draws of the joint posterior of specimen and distribution.
     """
     distributions = distributions_of(
         xr.DataTree.from_dict({"posterior": posterior}), posterior.sizes["draw"]
     )
     log_weights = draws.log_weight + log_densities(draws, distributions)
-    # The largest of logarithms with Gumbel noise is one drawn by its weight.
+    # Gumbel-max trick: the argmax of log weights plus Gumbel noise is a categorical draw.
     return (log_weights + rng.gumbel(size=log_weights.shape)).argmax(axis=1)
 
 
 def _parameters(scale: NaturalScale, coordinates: xr.DataArray) -> xr.Dataset:
-    """Material parameters of coordinates by (coordinate, chain, draw)."""
+    """Convert natural coordinates, (coordinate, chain, draw), to material parameters."""
     found = posterior_of(scale.numbers(list(coordinates.values)))
     return found.assign_coords({name: coordinates[name] for name in ("chain", "draw")})
 
 
 def posterior_of(values: Mapping[str, Array]) -> xr.Dataset:
-    """Parameters (chain, draw), and vectors of them (chain, draw, entry), as a posterior."""
+    """Return a posterior with parameters (chain, draw) and vectors (chain, draw, entry)."""
     found = xr.Dataset(
         {
             name: (("chain", "draw", f"{name}_entry")[: value.ndim], value)

@@ -1,4 +1,4 @@
-"""What a posterior says of the offset of the force transducer in each test."""
+"""Compute the posterior of the offset of the force transducer in each test."""
 
 import numpy as np
 import xarray as xr
@@ -11,45 +11,48 @@ from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.quantities import QUANTITIES
 
-# Draws are the same at every call.
+# Dimensions of the variables of the offsets.
 _BY_TEST = ("chain", "draw", "test")
+# Seed of the draws of the offsets: fixed, so that every call returns the same draws.
 _SEED = 1
 
 
 @one_thread
 def force_offsets(tree: xr.DataTree) -> xr.Dataset:
-    r"""Posterior of the offset of the force transducer in each test.
+    r"""Compute the posterior of the offset of the force transducer in each test.
 
     Offsets are integrated out of the likelihood of a model with ``force_offset_sd``. Given
-    material, tube and noise, that of a test is normal. With its ``n`` measured forces ``f_i``,
-    those of the model, and standard deviations ``s`` of the offset and ``s_F`` of a force,
+    material, tube and noise, the offset ``o`` of a test is normal. For ``n`` measured forces
+    ``f_i``, forces ``F_i`` of the model, and standard deviations ``s`` of the offset and ``s_F`` of
+    a force,
 
     .. math:: o \sim \mathcal{N}\left(\frac{v}{s_F^2} \sum_i (f_i - F_i),\ v\right), \qquad
         \frac1v = \frac1{s^2} + \frac{n}{s_F^2} .
 
-    Its mean and ``√v`` are the deterministics ``force_offset_mean`` and ``force_offset_error`` of
-    such a model; here is one draw from it for each draw of the posterior. With an error of the
-    diameter each force counts by what its pressure leaves open of it.
+    The model stores the mean and ``√v`` as the deterministics ``force_offset_mean`` and
+    ``force_offset_error``. This function draws one offset from this distribution for each draw of
+    the posterior. If the diameter has an error, the inverse of each force's conditional variance
+    given its pressure replaces ``1/s_F²``.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        Result of a model with ``force_offset_sd``, such as :func:`pymc_hyperelastic.sample_smc`
-        gives, or a class of :func:`pymc_hyperelastic.fit_classes`.
+        Result of a model with ``force_offset_sd``, such as that of
+        :func:`pymc_hyperelastic.sample_smc`, or a class of :func:`pymc_hyperelastic.fit_classes`.
 
     Returns
     -------
     xarray.Dataset
-        ``force_offset`` (mN) with dimensions (chain, draw, test): what the transducer shows beyond
-        the axial force of the tube. Without a measured force it is as before the test. Draws are
-        the same at every call.
+        ``force_offset`` (mN) with dimensions (chain, draw, test): reading of the transducer minus
+        axial force of the tube. Tests without a measured force have the prior of the offset. Every
+        call returns the same draws.
 
     Raises
     ------
     TypeError
         If `tree` is no DataTree.
     ValueError
-        If the model had no offsets.
+        If the model has no offsets.
 
     See Also
     --------
@@ -59,8 +62,8 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> of_test = ("chain", "draw", "test")
-    >>> known = {"force_offset_mean": 3.0, "force_offset_error": 0.1}
-    >>> posterior = xr.Dataset({k: (of_test, [[[v]] * 400]) for k, v in known.items()})
+    >>> moments = {"force_offset_mean": 3.0, "force_offset_error": 0.1}
+    >>> posterior = xr.Dataset({k: (of_test, [[[v]] * 400]) for k, v in moments.items()})
     >>> offsets = ph.force_offsets(xr.DataTree.from_dict({"posterior": posterior}))
     >>> round(offsets["force_offset"].mean().item(), 1)
     3.0
@@ -68,7 +71,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     check_result(tree)
     if not knows_offsets(tree):
         raise ValueError(
-            "the result knows of no offset of a transducer: sample a model that has them, "
+            "the result has no offsets of the force transducer: sample a model that has them, "
             "ph.Gaussian(..., force_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
@@ -79,29 +82,30 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
 
 
 def knows_offsets(tree: xr.DataTree) -> bool:
-    """Whether a result says what the offset of each test is."""
+    """Return True if the posterior has the offset of each test."""
     posterior = tree.children.get("posterior", {})
     return all(name in posterior for name in OFFSET_VARIABLES)
 
 
 def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
-    """Data with each test's forces less the posterior mean of its offset, if the result has such.
+    """Subtract the posterior mean of each test's offset from its forces.
 
-    Forces of tests that it does not know stay, and a warning says of how many.
+    Data are returned unchanged if the result has no offsets. Forces of tests to which the result
+    was not fitted stay unchanged, with a warning.
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
     mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], _BY_TEST).mean(["chain", "draw"])
-    known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
+    offsets = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]
     with_forces = [tests[i] for i in sorted(set(test[force.notnull().values].tolist()))]
-    strange = [name for name in with_forces if name not in known]
-    if strange:
-        others = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+    unknown = [name for name in with_forces if name not in offsets]
+    if unknown:
+        others = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
         warn_user(
-            f"{strange[0]}{others}: the result does not know the offset of the force transducer in "
-            "these tests, to which it was not fitted; their forces are as they were measured"
+            f"{unknown[0]}{others}: the result was not fitted to these tests, and has no offset of "
+            "their force transducer; their forces are shown as measured"
         )
-    offset = np.array([known.get(name, 0.0) for name in tests])[test]
+    offset = np.array([offsets.get(name, 0.0) for name in tests])[test]
     return data.assign(axial_force=force.copy(data=force.values - offset))

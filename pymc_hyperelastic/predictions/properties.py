@@ -1,4 +1,4 @@
-"""What laboratories report of a tube at given pressures, as posteriors."""
+"""Compute posteriors of the elastic properties that laboratories report, at given pressures."""
 
 from numbers import Real
 from typing import Any, Unpack
@@ -18,7 +18,8 @@ from pymc_hyperelastic.predictions.draws import (
 from pymc_hyperelastic.predictions.in_vivo import between_pressures
 from pymc_hyperelastic.predictions.measured import warned
 
-# Without a measured force, what is said of the axial direction rests on the law and its prior.
+# Properties that are marked with a comment if no axial force was measured: pressures alone hardly
+# inform about them.
 _AXIAL = ("axial_stress", "axial_material_stiffness", "in_vivo_axial_stretch")
 
 
@@ -33,13 +34,13 @@ def tube_properties(
     check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
-    r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
+    r"""Compute the posterior of the elastic properties of a vessel at given pressures.
 
-    They are those of the tube at its axial stretch, at the radius of :func:`radius_at_pressure`,
-    which also says what is warned of, and what is an error.
+    The properties belong to the tube at its axial stretch, and at the radius that
+    :func:`radius_at_pressure` returns, with the same warnings and errors.
 
-    What concerns the axial direction is hardly told by pressures: it is as credible as the law is,
-    unless axial forces were measured and fitted, at more than one axial stretch.
+    Pressures hardly inform about axial properties. These are only as credible as the strain energy,
+    unless axial forces were measured and fitted at more than one axial stretch.
 
     Parameters
     ----------
@@ -48,21 +49,22 @@ def tube_properties(
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`.
     pressure_range : pair of float, optional
-        Diastolic and systolic pressure, in `pressure_unit`: with them the result also has the in
-        vivo axial stretch, and what energy the wall stores in between.
+        Diastolic and systolic pressure, in `pressure_unit`. If given, the result also has the in
+        vivo axial stretch, and the change of the stored energy between these pressures.
     density : float, default 1060
-        Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+        Density ``ρ`` of the fluid in the tube, kg/m³; by default the density of blood.
     pressure_unit : str, default "kPa"
-        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
     check : {"warn", "raise", "ignore"}
-        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
+        Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
     xarray.Dataset
-        With dimensions (chain, draw, pressure), and ``A = π a²`` the area of the lumen:
+        Variables with dimensions (chain, draw, pressure), where ``A = π a²`` is the area of the
+        lumen:
 
         ``radius`` : internal radius ``a``, mm.
 
@@ -78,9 +80,9 @@ def tube_properties(
         ``peterson_modulus`` : pressure-strain modulus ``dp/(dd/d) = a dp/da`` of the internal
         diameter ``d``, kPa [2]_.
 
-        ``incremental_modulus`` : ``2 (1 − ν²) a² b/(b² − a²) · dp/db`` with ``ν = ½`` and, as the
-        wall keeps its volume, ``dp/db = (b/a) dp/da``, kPa. It is Young's modulus of the linear
-        isotropic tube that has the same slope [3]_.
+        ``incremental_modulus`` : ``2 (1 − ν²) a² b/(b² − a²) · dp/db`` with ``ν = ½`` and, because
+        the wall is incompressible, ``dp/db = (b/a) dp/da``, kPa. It is Young's modulus of the
+        linear isotropic tube with the same slope [3]_.
 
         ``pulse_wave_velocity`` : ``√(A/(ρ dA/dp))``, m/s [4]_.
 
@@ -94,35 +96,36 @@ def tube_properties(
         and ``∂²Ŵ/∂(ln λz)²``, kPa, linearised about the inflated tube, as means over the area of
         the wall [5]_; see below.
 
-        ``stored_energy`` : ``Ŵ`` per unit of volume, less that of the stress-free state, as a mean
-        over the wall, kPa, which is kJ/m³ [6]_.
+        ``stored_energy`` : energy density ``Ŵ`` relative to the stress-free state, as a mean over
+        the wall, kPa, equal to kJ/m³ [6]_.
 
-        With a `pressure_range` also, with dimensions (chain, draw):
+        If `pressure_range` is given, also variables with dimensions (chain, draw):
 
-        ``stored_energy_change`` : the stored energy at the systolic pressure less that at the
-        diastolic one, at the axial stretch of the tube, kPa.
+        ``stored_energy_change`` : stored energy at the systolic pressure minus stored energy at the
+        diastolic pressure, at the axial stretch of the tube, kPa.
 
-        ``in_vivo_axial_stretch`` : the least axial stretch ``λz`` between 0.8 and 2.5 at which the
-        reduced axial force is the same at both pressures, ``F(p_sys, λz) = F(p_dia, λz)``: in a
-        shorter tube the force falls when it is inflated, in a longer one it rises. NaN where there
-        is none; the attribute ``draws_without`` counts these draws.
+        ``in_vivo_axial_stretch`` : the smallest axial stretch ``λz`` between 0.8 and 2.5 at which
+        the reduced axial force is equal at both pressures, ``F(p_sys, λz) = F(p_dia, λz)``, and
+        changes from falling with pressure (in a shorter tube) to rising (in a longer one). NaN for
+        draws without such a stretch; the attribute ``draws_without`` is the number of these draws.
 
-        The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`. The
-        scalars ``range_extrapolated`` and ``in_vivo_extrapolated`` say likewise of the two
-        pressures whether one of them is extrapolated at the axial stretch of the tube, and at the
-        median of the in vivo stretch.
+        The coordinate ``extrapolated`` (pressure) is described in :func:`radius_at_pressure`. The
+        scalar coordinates ``range_extrapolated`` and ``in_vivo_extrapolated`` are True if the
+        diastolic or the systolic pressure is extrapolated, at the axial stretch of the tube and at
+        the median in vivo stretch.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure, or something is extrapolated. With a
-        `pressure_range`, if some draws have no in vivo stretch, or it was found without an axial
-        force among the result's data.
+        If some draws do not reach a pressure, or a pressure is extrapolated. With a
+        `pressure_range`, also if some draws have no in vivo stretch, or if the result's data have
+        no axial force.
 
     Raises
     ------
     ValueError
-        If the density is not positive, or the `pressure_range` not two rising pressures from 0 up.
+        If the density is not positive, `pressure_range` is not a pair of increasing pressures of at
+        least 0, or no draw reaches a pressure.
 
     See Also
     --------
@@ -130,9 +133,9 @@ def tube_properties(
 
     Notes
     -----
-    The material stiffness is that of small strains that are superposed on large ones, at constant
-    radial stress and with the other stretch held: of ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)``, the
-    energy of the incompressible wall,
+    The material stiffness describes small strains superposed on large ones, at constant radial
+    stress and with the other stretch held. It follows from ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)``,
+    the energy of the incompressible wall,
 
     .. math::
 
@@ -141,13 +144,14 @@ def tube_properties(
             = \mathcal{C}_{θθθθ} - 2 \mathcal{C}_{θθrr} + \mathcal{C}_{rrrr}, \qquad
         \mathcal{C}_{iijj} = \frac{∂^2 W}{∂\ln λ_i \, ∂\ln λ_j},
 
-    and the same in the axial direction. Articles differ in what they call stiffness [7]_. The
-    :math:`\mathcal{C}` are the components of Baek et al. [5]_, and often
-    :math:`\mathcal{C}_{θθθθ}` alone is reported: it takes the stretches for independent, and
-    changes when a function of the volume is added to ``W``, which is the same incompressible
-    material. The combination does not. For fibres in a neo-Hookean matrix of modulus ``c`` it is
-    larger than the one component by ``2 c λr²``, a percent in an inflated artery. At rest an
-    isotropic wall has four times its shear modulus, Young's modulus over ``1 − ν²``.
+    and correspondingly in the axial direction. Articles define stiffness in different ways [7]_.
+    The :math:`\mathcal{C}` are the components of Baek et al. [5]_. Many articles report
+    :math:`\mathcal{C}_{θθθθ}` alone, which treats the stretches as independent. It changes if a
+    function of the volume is added to ``W``, although this does not change the incompressible
+    material; ``C_θ`` does not change. For fibres in a neo-Hookean matrix of modulus ``c``, ``C_θ``
+    exceeds :math:`\mathcal{C}_{θθθθ}` by ``2 c λr²``, about one percent in an inflated artery. At
+    rest, ``C_θ`` of an isotropic wall is four times the shear modulus, which is Young's modulus
+    divided by ``1 − ν²``.
 
     References
     ----------
@@ -171,7 +175,8 @@ def tube_properties(
 
     Examples
     --------
-    At rest the incremental modulus of an isotropic tube is Young's, three times the shear modulus:
+    At rest the incremental modulus of an isotropic tube is Young's modulus, three times the shear
+    modulus:
 
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
@@ -185,7 +190,7 @@ def tube_properties(
     >>> properties["circumferential_material_stiffness"].values.round(6).ravel()
     array([ 80., 120.])
 
-    The stretch at which the force is the same at 80 and at 120 mmHg, of a stiffening tube:
+    In vivo axial stretch of a stiffening tube, at which the forces at 80 and 120 mmHg are equal:
 
     >>> law = {"c": 20.0, "a1": 0.8, "a2": 0.6, "a4": 0.1}
     >>> posterior = xr.Dataset({n: (("chain", "draw"), [[x]]) for n, x in law.items()})
@@ -210,7 +215,9 @@ def tube_properties(
         result = result.assign(between.data_vars).assign_coords(between.coords)
     if draws.without_force:
         for name in set(_AXIAL) & set(result):
-            result[name].attrs["comment"] = "no axial force was measured: it rests on the law"
+            result[name].attrs["comment"] = (
+                "no axial force was measured: the value rests on the strain energy and its prior"
+            )
     return result
 
 
@@ -224,12 +231,12 @@ def pulse_wave_velocity(
     check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
-    r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
+    r"""Compute the posterior of the pulse wave velocity in the tube, at given pressures.
 
     .. math:: c = \sqrt{\frac{A}{ρ \, dA/dp}} = \sqrt{\frac{a}{2ρ} \frac{dp}{da}}
 
-    It is the quantity for whose sake a likelihood weighs the slope of a curve. Source: Bramwell and
-    Hill, see :func:`tube_properties`, which gives it together with others.
+    It depends on the slope ``dp/da``, and is a reason to include measured slopes in a likelihood.
+    Source: Bramwell and Hill, see :func:`tube_properties`, which returns other properties as well.
 
     Parameters
     ----------
@@ -238,11 +245,11 @@ def pulse_wave_velocity(
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`.
     density : float, default 1060
-        Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+        Density ``ρ`` of the fluid in the tube, kg/m³; by default the density of blood.
     pressure_unit : str, default "kPa"
-        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
     check : {"warn", "raise", "ignore"}
-        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
+        Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -250,12 +257,12 @@ def pulse_wave_velocity(
     -------
     xarray.Dataset
         ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure), and the coordinate
-        ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
+        ``extrapolated`` (pressure), see :func:`radius_at_pressure`.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure, or something is extrapolated.
+        If some draws do not reach a pressure, or a pressure is extrapolated.
 
     Raises
     ------
@@ -286,7 +293,7 @@ def pulse_wave_velocity(
 
 
 def _of_the_curve(draws: Draws, a: Array, density: float) -> dict[str, Array]:
-    """Properties that follow from radii and the slope of the curve."""
+    """Return the properties that depend on radii and the slope ``dp/da`` only."""
     _, slope = draws.tube.pressure(a)
     b = draws.tube.current(draws.tube.geometry["outer_radius"], a)
     per_area = 2 / (a * slope)
@@ -298,13 +305,13 @@ def _of_the_curve(draws: Draws, a: Array, density: float) -> dict[str, Array]:
         "distensibility": per_area,
         "peterson_modulus": a * slope,
         "incremental_modulus": 1.5 * a**2 * b / ((b - a) * (b + a)) * (b / a * slope),
-        # 1000 Pa in a kPa: then the velocity is in m/s.
+        # 1000 Pa per kPa gives a velocity in m/s.
         "pulse_wave_velocity": np.sqrt(1000 / (density * per_area)),
     }
 
 
 def _of_the_wall(draws: Draws, a: Array, pressure: Array) -> dict[str, Array]:
-    """Stresses, stiffness and energy of the material, as means over the wall."""
+    """Return stresses, material stiffness and stored energy, kPa, as means over the wall."""
     tube = draws.tube
     b = tube.current(tube.geometry["outer_radius"], a)
     thickness = tube.wall_area / (np.pi * (a + b))
@@ -319,13 +326,13 @@ def _of_the_wall(draws: Draws, a: Array, pressure: Array) -> dict[str, Array]:
 
 
 def _check_density(density: float) -> None:
-    """Raise for what is no density."""
+    """Raise ValueError unless the density is a positive finite number."""
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
 
 
 def _checked_range(pressure_range: Any, unit: str, check: Check) -> Array:
-    """Diastolic and systolic pressure, kPa."""
+    """Return the diastolic and the systolic pressure in kPa; raise unless they increase."""
     words = f"pressure_range must be a diastolic and a higher systolic pressure in {unit}; got "
     if np.shape(pressure_range) != (2,):
         raise ValueError(f"{words}{pressure_range!r}")

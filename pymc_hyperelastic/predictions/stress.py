@@ -1,4 +1,4 @@
-"""Cauchy stresses through the wall as posteriors."""
+"""Compute posteriors of the Cauchy stresses through the wall."""
 
 from typing import Any, Unpack
 
@@ -26,9 +26,9 @@ def wall_stress(
     check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
-    r"""Posterior of the Cauchy stresses through the wall at given pressures.
+    r"""Compute the posterior of the Cauchy stresses through the wall at given pressures.
 
-    At the circle of reference radius ``R``, which moves to ``r(R)``,
+    At the circle of reference radius ``R``, with the current radius ``r(R)``,
 
     .. math::
 
@@ -36,9 +36,9 @@ def wall_stress(
         σ_{θθ} = σ_{rr} + λ_θ \frac{∂\hat W}{∂λ_θ}, \qquad
         σ_{zz} = σ_{rr} + λ_z \frac{∂\hat W}{∂λ_z}.
 
-    The radial stress is ``−p`` inside and 0 outside. Between layers hoop and axial stress jump; at
-    the interface itself they are those of the layer within. The hoop stress balances the pressure,
-    ``∫ σθθ dr = p a``: Laplace's law for its mean over the thickness.
+    The radial stress is ``−p`` at the inner surface and 0 at the outer one. Hoop and axial stress
+    jump between layers; at the interface the values of the inner layer are returned. The hoop
+    stress balances the pressure, ``∫ σθθ dr = p a``, which is Laplace's law for its mean.
 
     Source: R. W. Ogden, Non-linear elastic deformations, Dover 1997, section 5.3.
 
@@ -49,26 +49,26 @@ def wall_stress(
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`; the radius is that of :func:`radius_at_pressure`.
     points : int or array_like, default 21
-        Where in the wall: a number of circles at equal distances in the reference tube, or their
-        places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
+        Number of circles at equal distances in the reference tube, or the positions
+        ``(R − A)/(B − A)`` of the circles from 0 (inside) to 1 (outside).
     pressure_unit : str, default "kPa"
-        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
     check : {"warn", "raise", "ignore"}
-        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
+        Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
     xarray.Dataset
-        ``sigma_rr``, ``sigma_tt`` and ``sigma_zz`` (kPa) with dimensions (chain, draw, pressure,
-        position), tension positive, the coordinate ``current_radius`` (mm), ``r(R)``, likewise, and
-        the coordinate ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
+        ``sigma_rr``, ``sigma_tt`` and ``sigma_zz`` (kPa, tension positive) and the coordinate
+        ``current_radius`` ``r(R)`` (mm), with dimensions (chain, draw, pressure, position), and the
+        coordinate ``extrapolated`` (pressure), see :func:`radius_at_pressure`.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; the stresses are NaN there. If something is
+        If some draws do not reach a pressure; their stresses are NaN. If a pressure is
         extrapolated.
 
     Raises
@@ -76,7 +76,7 @@ def wall_stress(
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If something of the tube is not known, no draw reaches any of the pressures, or a point is
+        If a measure of the tube is unknown, no draw reaches any of the pressures, or a point is
         outside the wall.
 
     See Also

@@ -1,4 +1,7 @@
-"""What the wall of a result is made of: its laws, and their parameters by draw."""
+"""Read the strain energies of a wall's layers, and their parameters by draw, from a result.
+
+Predictions and material cards call :func:`wall_draws_of`.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,24 +21,30 @@ Array = NDArray[np.float64]
 
 
 class WallDraws(NamedTuple):
-    """The layers of a wall, from the inside out, and their parameters."""
+    """The layers of a wall, from the inside out, and the draws of their parameters."""
 
     wall: list[NamedLayer]
     member: Member
-    """Of whom they are."""
+    """Specimen whose parameters they are."""
     values: list[dict[str, Array]]
-    """Of each layer its parameters, and its thickness: by (chain, draw, 1), vectors by entry."""
+    """Parameters and thickness of each layer: (chain, draw, 1), vectors (chain, draw, 1, entry)."""
 
 
 def wall_draws_of(
     tree: xr.DataTree, energy: StrainEnergy | Sequence[Layer] | None, specimen: str | None
 ) -> WallDraws:
-    """The wall of a result, or that of `energy`, with the parameters that its posterior holds."""
+    """Return the wall of a result, or of `energy` if given, with its parameters by draw.
+
+    Raises
+    ------
+    ValueError
+        If the result has no posterior, or the posterior lacks a parameter of the wall.
+    """
     check_result(tree)
     if "posterior" not in tree.children:
         raise ValueError(
-            f"the result has no posterior; its groups are {sorted(tree.children)} (of a class: "
-            "classes['C1'] in place of classes)"
+            f"the result has no posterior; its groups are {sorted(tree.children)} (if these are "
+            "classes, select one: classes['C1'])"
         )
     wall = wall_of(tree) if energy is None else named_layers(energy)
     member = member_of(tree, wall, specimen)
@@ -44,12 +53,13 @@ def wall_draws_of(
 
 
 def _check_names(wall: list[NamedLayer], posterior: xr.Dataset) -> None:
-    """Raise unless the posterior holds what the wall needs of it."""
+    """Raise ValueError unless the posterior has all named parameters of the wall."""
     needed = [v for layer in wall for v in layer.values.values() if isinstance(v, str)]
     if not needed:
         raise ValueError(
-            "all of these layers is given in numbers, and nothing is taken from the posterior: "
-            "distributions stand for what was inferred, ph.Layer(ph.NeoHookean(), 0.3)"
+            "all parameters and thicknesses of these layers are numbers, so that no value is taken "
+            "from the posterior: leave out the parameters that were inferred, or give "
+            "distributions for them, such as ph.Layer(ph.NeoHookean(), 0.3)"
         )
     lacking = [name for name in needed if name not in posterior]
     if lacking:
@@ -58,7 +68,7 @@ def _check_names(wall: list[NamedLayer], posterior: xr.Dataset) -> None:
 
 
 def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
-    """Parameters, and thickness if it is a layer: by (chain, draw, 1), vectors by entry too."""
+    """Return parameters, and the thickness of a layer: (chain, draw, 1), vectors with entries."""
     sizes = {p.name: p.size for p in layer.energy.parameters}
     return {
         name: values_by_draw(posterior, value, sizes.get(name))
@@ -69,7 +79,10 @@ def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
 
 
 def values_by_draw(posterior: xr.Dataset, name: str, size: int | None = None) -> Array:
-    """Draws of a number by (chain, draw, 1), of a vector by (chain, draw, 1, entry)."""
+    """Return draws of a scalar, (chain, draw, 1), or of a vector, (chain, draw, 1, entry).
+
+    `size` is the number of entries of a vector, or None for a scalar.
+    """
     check_numbers(posterior, posterior, name, None, " of the posterior")
     variable = posterior[name]
     if size is None:
@@ -79,6 +92,10 @@ def values_by_draw(posterior: xr.Dataset, name: str, size: int | None = None) ->
     if variable.ndim - len(rest) != 2 or len(rest) != (size is not None):
         raise ValueError(
             f"{name!r} of the posterior has the dimensions {variable.dims}; expected chain and draw"
-            + (f" and that of its {size} entries" if size else ": select one of each other")
+            + (
+                f" and a dimension of its {size} entries"
+                if size
+                else ": select one along each other one"
+            )
         )
     return variable.transpose("chain", "draw", *rest).values.astype(float)[:, :, None]

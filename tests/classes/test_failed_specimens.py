@@ -94,7 +94,7 @@ def test_a_class_with_a_specimen_given_up_has_no_evidence(classes, monkeypatch):
     assert np.isinf(ph.log_evidence(stiff).standard_error)
     found = ph.diagnose_evidence(stiff)
     assert found.attrs["verdict"] == "not to be trusted" and "given up" in found.attrs["words"]
-    with pytest.warns(UserWarning, match=f"{GIVEN_UP}' was given up after long"):
+    with pytest.warns(UserWarning, match=f"{GIVEN_UP}' was given up during the fit"):
         found = ph.predict_pressure(stiff, [8.0, 8.5], specimen=GIVEN_UP)
     assert np.isfinite(found["pressure"]).all()
     ph.predict_pressure(stiff, [8.0, 8.5], specimen="B1")

@@ -106,7 +106,9 @@ def test_no_test_tells_identical_classes_apart(classes):
     found, again = (information(known, **settings) for _ in range(2))
     np.testing.assert_allclose(found["information"], 0.0, atol=1e-9)
     assert found.attrs["stop"] == 1
-    assert found.attrs["words"] == "no design is expected to tell more than 0.01 nats: stop"
+    assert found.attrs["words"] == (
+        "no design is expected to give more than 0.01 nats of information: stop"
+    )
     xr.testing.assert_identical(found, again)
 
 
@@ -183,11 +185,12 @@ def test_means_errors_and_warnings_by_hand(classes):
     np.testing.assert_allclose(found["lacking"], [0.25, 0, 0])
     assert found["true_class"].values.tolist() == ["soft", "soft", "stiff", "stiff"]
     assert found.attrs["entropy"] == pytest.approx(entr([0.25, 0.75]).sum())
-    assert found.attrs["words"] == "'b' may tell more than 0.7 nats" and not found.attrs["stop"]
+    assert found.attrs["words"] == "'b' may give more than 0.7 nats of information"
+    assert not found.attrs["stop"]
     messages = [str(each.message) for each in warned]
     assert len(messages) == 2
-    assert messages[0].startswith("design 'c': of 25% of the specimens less than 20 draws")
-    assert messages[1].startswith("design 'b': what it tells changes by 0.300 nats")
+    assert messages[0].startswith("design 'c': 25% of the specimens have fewer than 20 effective")
+    assert messages[1].startswith("design 'b': the information changes by 0.300 nats")
     # The density of a normal distribution by its quantiles.
     draws = stats.norm.ppf((np.arange(400) + 0.5) / 400)
     for at in (0.0, 1.0):
@@ -235,11 +238,14 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"points": 3}, r"either a 'pressure' or a 'radius'; got \[\]"),
         ({"pressure": (9, 1)}, r"pressure is \(9, 1\); expected a number, or a pair"),
         ({"pressure": 1, "points": 0}, "design 'a': points is 0; expected at least 1"),
-        ({"pressure": -1}, "design 'a': pressures are 0 or more"),
+        ({"pressure": -1}, "design 'a': pressures must be 0 or more"),
         ({"radius": 0}, "radii and stretches more than 0"),
         (MANY | {"force": True}, "classes were fitted without its error"),
         (MANY | {"axial_stretch": (1, 1.2)}, "either the radius or the axial stretch"),
-        ({"pressure": (1, 500)}, r"design 'a' \(1 to 500 kPa at a .*: it is outside what"),
+        (
+            {"pressure": (1, 500)},
+            r"design 'a' \(1 to 500 kPa at a .*cannot bear it: choose a smaller",
+        ),
     ):
         with pytest.raises((TypeError, ValueError), match=message):
             information(classes, {"a": design})

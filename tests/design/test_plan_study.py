@@ -152,5 +152,5 @@ def test_wrong_settings_and_pilots_are_named(classes):
     with pytest.raises(TypeError, match=r"classes must be a result of ph.fit_classes, the pilot"):
         plan([classes])
     own = {"spread": pm.LogNormal.dist(-1.0, 0.5, shape=1)}
-    with pytest.raises(ValueError, match=r"priors of their own, of \['spread'\]"):
+    with pytest.raises(ValueError, match=r"user-defined priors, of \['spread'\]"):
         plan(fit(priors=own, draws=100, chains=1))

@@ -123,7 +123,7 @@ VALUE_ERRORS = [
     (lambda: potential(likelihood=PLAIN(1.0, observed=True)), "observed=True|ph.inflation_model"),
     (lambda: fit(likelihood=PLAIN(1.0, observed=True)), "observed=True away"),
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
-    (lambda: ph.force_offsets(NO_OFFSETS), "no offset of a transducer"),
+    (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
     (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']"),
     (lambda: potential(name="mu"), "mu|already"),

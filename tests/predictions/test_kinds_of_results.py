@@ -145,7 +145,7 @@ def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, 
     assert stretch.attrs["draws_without"] == np.isnan(stretch).sum()
     # Without forces, either no draw has an in vivo stretch, or the law alone determines it.
     finite = bool(np.isfinite(stretch).any())
-    warning = "rests on the law" if finite else "have no in vivo axial stretch"
+    warning = "rests on the strain energy" if finite else "have no in vivo axial stretch"
     assert any(warning in str(w.message) for w in caught)
     assert ("in_vivo_extrapolated" in found.coords) == finite
     assert not found.coords["range_extrapolated"]

@@ -35,8 +35,8 @@ TWO_DIMENSIONS = dict.fromkeys(["CriscioneType", "FungOrthotropic"], "radial str
 NO_CARD = {
     "febio": TWO_DIMENSIONS,
     "abaqus": TWO_DIMENSIONS
-    | {"FourFiber": "moduli of their own"}
-    | dict.fromkeys(["Demiray", "Gent", "PowerLawNeoHookean"], "UHYPER alone"),
+    | {"FourFiber": "different moduli"}
+    | dict.fromkeys(["Demiray", "Gent", "PowerLawNeoHookean"], "user subroutine UHYPER only"),
 }
 LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 

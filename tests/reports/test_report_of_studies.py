@@ -120,7 +120,7 @@ def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
 
 
 # The random numbers decide if a soft specimen is simulated.
-@pytest.mark.filterwarnings("ignore:design .* of the specimens cannot do that")
+@pytest.mark.filterwarnings("ignore:design .* of the specimens cannot bear it")
 def test_planned_tests_are_ranked_by_information(write, write_words):
     planned = {"point": {"pressure": 0.5, "points": 1}, "curve": {"pressure": (1, 6)}}
     settings = {"specimens": 20, "draws": 32, "stop_below": 0.1, "random_seed": 1}

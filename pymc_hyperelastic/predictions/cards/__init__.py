@@ -1,4 +1,4 @@
-"""Posteriors as materials of finite-element codes."""
+"""Write posteriors as material cards of finite-element codes."""
 
 from pymc_hyperelastic.predictions.cards.card import material_card
 

@@ -1,9 +1,9 @@
-"""Abaqus: keyword lines, which CalculiX reads too where the law is isotropic.
+"""Write materials as keyword lines of Abaqus; CalculiX also reads those of isotropic laws.
 
-What the laws mean there: Abaqus Analysis User's Guide, "Hyperelastic behavior of rubberlike
-materials" and "Anisotropic hyperelastic behavior"; the lines: Abaqus Keywords Guide, *HYPERELASTIC,
-*ANISOTROPIC HYPERELASTIC and *ORIENTATION; lines in general: "Input syntax rules". CalculiX
-CrunchiX User's Manual, *HYPERELASTIC.
+Sources: for the strain energies, Abaqus Analysis User's Guide, "Hyperelastic behavior of rubberlike
+materials" and "Anisotropic hyperelastic behavior"; for the keywords, Abaqus Keywords Guide,
+``*HYPERELASTIC``, ``*ANISOTROPIC HYPERELASTIC`` and ``*ORIENTATION``; for the format of lines,
+"Input syntax rules"; CalculiX CrunchiX User's Manual, ``*HYPERELASTIC``.
 """
 
 from collections.abc import Sequence
@@ -20,27 +20,34 @@ from pymc_hyperelastic.predictions.cards.materials import (
     check_positive,
 )
 
-# Rules of the input file: a field, the fields of a line; a comment that a person can read.
-_FIELD, _FIELDS, _COLUMNS = 20, 8, 96
+# Characters in a field of a data line, at most: a rule of Abaqus.
+_FIELD = 20
+# Fields in a data line, at most: a rule of Abaqus.
+_FIELDS = 8
+# Characters in a line of a comment: chosen for reading.
+_COLUMNS = 96
+# Terms of Ogden's law, at most: a limit of Abaqus.
 _TERMS = 6
 
+# Volumetric energy of most laws.
 _VOLUME = " + 1/D1 (J - 1)^2"
+# Volumetric energy of the Arruda-Boyce and Holzapfel laws.
 _VOLUME_LOG = " + 1/D [(J^2 - 1)/2 - ln J]"
 
 
 class _Option(NamedTuple):
-    """A keyword line, its data, and the fibres that it needs."""
+    """A keyword line, its data, and the angle of its fibres."""
 
     keyword: str
     data: list[float]
     angle: float | None = None
-    """Of the fibres, degrees from the circumferential direction."""
+    """Angle between fibres and circumferential direction, degrees; None without fibres."""
 
 
 def number(x: float) -> str:
-    """A number that reads back as it is, or with all digits that 20 characters hold.
+    """Format a number in at most 20 characters, with as many digits as fit.
 
-    These are 17 digits but for numbers below 0.01, which keep at least 14.
+    Most numbers read back exactly; numbers below 0.01 keep at least 14 digits.
 
     Examples
     --------
@@ -59,10 +66,10 @@ def number(x: float) -> str:
 
 
 def _ogden(terms: Sequence[tuple[float, float]], d: float) -> _Option:
-    """``Σ 2 μi/αi² (...)`` of pairs of modulus and exponent."""
+    """Return the option for ``Σ 2 μi/αi² (...)``, from pairs of modulus and exponent."""
     if len(terms) > _TERMS:
         raise ValueError(
-            f"Abaqus has at most {_TERMS} terms of Ogden's law; these are {len(terms)}"
+            f"Abaqus has at most {_TERMS} terms of Ogden's law; the material has {len(terms)}"
         )
     if not all(alpha for _, alpha in terms):
         raise ValueError("an exponent of Ogden's law is 0, by which Abaqus divides")
@@ -75,7 +82,7 @@ def _two_powers(v: Any, d: float) -> _Option:
 
 
 def _series(v: Any, d: float) -> _Option:
-    """The printed series has ``μp/αp`` where Abaqus has ``2 μi/αi²``."""
+    """Return the option for Ogden's series: its ``μp/αp`` is ``2 μi/αi²`` in Abaqus."""
     return _ogden([(m * a / 2, a) for m, a in zip(v["mu"], v["alpha"], strict=True)], d)
 
 
@@ -97,8 +104,9 @@ def _check_range(name: str, value: float, low: float, high: float = float("inf")
 _HGO = (
     "U = C10 (I1 - 3) + k1/(2 k2) sum over both families of {exp[k2 <E>^2] - 1}"
     + _VOLUME_LOG
-    + ", E = kappa (I1 - 3) + (1 - 3 kappa)(I4 - 1), of a deformation without its change of volume,"
-    " with C10 = c/2. A family bears no load where its E is negative. CalculiX does not have it"
+    + ", E = kappa (I1 - 3) + (1 - 3 kappa)(I4 - 1), with the invariants of the isochoric"
+    " deformation and C10 = c/2. A family bears no load where its E is negative. CalculiX does not"
+    " have this law"
 )
 _OGDEN = (
     "U = sum of 2 mu_i/alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)" + _VOLUME + ", with "
@@ -129,17 +137,18 @@ _LAWS = {
     laws.GasserOgdenHolzapfel: CodeLaw(_HGO, _holzapfel),
 }
 
-_BY_SUBROUTINE = "Abaqus has it as a user subroutine UHYPER alone"
+# Reason why a law has no keyword of Abaqus.
+_BY_SUBROUTINE = "Abaqus has it through the user subroutine UHYPER only"
 _REASONS: dict[type[laws.StrainEnergy], str] = {
     laws.PowerLawNeoHookean: _BY_SUBROUTINE,
     laws.Demiray: _BY_SUBROUTINE,
     laws.Gent: _BY_SUBROUTINE,
-    laws.FourFiber: "its fibres have moduli of their own, and Abaqus' families share one",
+    laws.FourFiber: "its fibre families have different moduli, and those of Abaqus share one",
 }
 
 
 def _card(header: list[str], materials: list[Material]) -> str:
-    """The lines, with the paragraphs above them as comments."""
+    """Return the text of the card, with the paragraphs of the header as comments."""
     lines = _comment(header)
     for material in materials:
         lines += [*_comment(material.notes), *_material(material)]

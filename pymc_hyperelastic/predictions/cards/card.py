@@ -1,4 +1,4 @@
-"""Cards for finite-element codes: the function that people call."""
+"""Write a posterior as a material card: the public function of this folder."""
 
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -25,18 +25,21 @@ from pymc_hyperelastic.predictions.cards.points import Point, PointOfWall, point
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.walls import WallDraws, wall_draws_of
 
+# Finite-element codes by the name that the user gives.
 _CODES = {"febio": FEBIO, "abaqus": ABAQUS}
 
+# Notes in the header of every card, of the default bulk modulus, and of cards with fibres.
 _INCOMPRESSIBLE = (
-    "The package's wall keeps its volume. Here it nearly does, with a bulk modulus of {bulk}: see "
-    "that J stays near 1 in your model, and give a larger bulk_modulus where it does not. Elements "
-    "must be made for such solids (FEBio: three-field hexahedra; Abaqus/Standard: hybrid ones)."
+    "The wall of the package is incompressible. This material is nearly incompressible, with a "
+    "bulk modulus of {bulk}: check that J stays near 1 in your model, and give a larger "
+    "bulk_modulus if it does not. Use elements for nearly incompressible solids (FEBio: "
+    "three-field hexahedra; Abaqus/Standard: hybrid elements)."
 )
-_RULE = "1000 times the stiffness at rest (the shear modulus, and 4 k1 of fibres) of each material"
+_RULE = "1000 times the stiffness at rest (shear modulus, plus 4 k1 with fibres) of each material"
 _AXES = (
-    "Fibres lie in the plane around and along the tube, at plus and minus beta from the "
+    "Fibres lie in the circumferential-axial plane, at plus and minus beta from the "
     "circumferential direction. The axis of the tube is the global z axis through the origin: "
-    "change the axes if yours is another."
+    "change the axes if the tube of your model has another axis."
 )
 
 
@@ -52,26 +55,26 @@ def material_card(
     unit: str = "kPa",
     bulk_modulus: float | None = None,
 ) -> str:
-    r"""Posterior as materials of a finite-element code: text to be saved and included in a model.
+    r"""Write a posterior as materials of a finite-element code, to be included in a model.
 
-    The card holds one material a layer, from the inside out: ``wall``, or ``layer_1``, ``layer_2``.
-    Comments say of whom and of which draw it is, in which units, and which energy the code makes of
-    its numbers. Further draws follow as ``wall_draw_1``, ``wall_draw_2``, for a study of what the
-    posterior's uncertainty does to a model: only the name changes from run to run.
+    The card has one material per layer, from the inside out: ``wall``, or ``layer_1``, ``layer_2``.
+    Its comments state the specimen, the draw, the units, and the strain energy in the notation of
+    the code. Further draws follow as ``wall_draw_1``, ``wall_draw_2``. Run the model with each of
+    them to propagate the uncertainty of the posterior; only the name of the material changes.
 
-    The mean of draws of correlated parameters need not lie in their posterior: along a bent ridge
-    of ``k1`` and ``k2`` it is a stiffer or softer material than any that fits the data. The default
-    is therefore the draw nearest the mean.
+    The mean of correlated parameters need not lie in the posterior. If ``k1`` and ``k2`` lie on a
+    curved ridge, the mean can be stiffer or softer than every material that fits the data. The
+    default is therefore the draw nearest the mean.
 
-    The package's walls are incompressible. Here ``W`` is that of a deformation without its change
-    of volume, :math:`\bar F = J^{-1/3} F`, beside an energy of the volume with the bulk modulus
-    ``K``,
+    The walls of the package are incompressible. In the card ``W`` depends on the isochoric
+    deformation :math:`\bar F = J^{-1/3} F`, and a volumetric energy with the bulk modulus ``K`` is
+    added,
 
     .. math:: W(\bar F) + U(J), \qquad U'(1) = 0, \quad U''(1) = K,
 
-    so that at ``J = 1`` it is the package's. By default ``K`` is 1000 times the stiffness at rest:
-    the shear modulus, to which fibres add ``4 k1``. That is large beside the stresses of most
-    walls, and small enough that elements converge.
+    so that the material equals the package's at ``J = 1``. By default ``K`` is 1000 times the
+    stiffness at rest, which is the shear modulus, plus ``4 k1`` with fibres. This is large compared
+    with the stresses in most walls, and small enough for elements to converge.
 
     ====================  ==========================  =================
     law                   FEBio                       Abaqus
@@ -92,20 +95,21 @@ def material_card(
     CriscioneType         none                        none
     ====================  ==========================  =================
 
-    CalculiX (ccx) reads the keyword lines that are marked, of Ogden's law up to 3 terms. Where
-    ``D2`` and ``D3`` are 0 it puts numbers of its own, which matter at large changes of volume
-    alone. The energies of ``FungOrthotropic`` and ``CriscioneType`` say nothing of radial strain
-    and of shear, for which these codes need moduli.
+    CalculiX reads the keyword lines marked with ccx, with up to 3 terms of Ogden's law. It replaces
+    ``D2 = 0`` and ``D3 = 0`` by its own values, which matter only for large changes of volume. The
+    energies of ``FungOrthotropic`` and ``CriscioneType`` do not depend on radial strain and shear,
+    for which these codes need moduli.
 
     Conventions: the shear modulus of Ogden's law is ``Σ μi`` in Abaqus (``W = Σ 2 μi/αi² (...)``),
-    ``½ Σ ci`` in FEBio (``W = Σ ci/mi² (...)``) and ``½ Σ μp αp`` in ``OgdenSeries``. Fibres are at
-    ``±β`` from the circumferential direction and bear load where their mean strain ``E`` is
-    positive, in both codes as here. They are stated by the local axes of a tube along the global
-    ``z`` axis: FEBio's are 1 around and 2 along it (``gamma`` is ``β``), Abaqus' are 1 radial, 2
-    around and 3 along; ``*SOLID SECTION, ORIENTATION=wall_axes`` makes Abaqus use them.
+    ``½ Σ ci`` in FEBio (``W = Σ ci/mi² (...)``) and ``½ Σ μp αp`` in ``OgdenSeries``. Both codes
+    and the package have fibres at ``±β`` from the circumferential direction, which bear load where
+    their mean strain ``E`` is positive. The card defines them by the local axes of a tube along the
+    global ``z`` axis. In FEBio axis 1 is circumferential and axis 2 axial (``gamma`` is ``β``). In
+    Abaqus axis 1 is radial, 2 circumferential and 3 axial; activate the axes by
+    ``*SOLID SECTION, ORIENTATION=wall_axes``.
 
-    Source: FEBio User's Manual 4, chapter Materials, and for "uncoupled hyperelastic" the program's
-    source; Abaqus Analysis User's Guide, "Hyperelastic behavior of rubberlike materials" and
+    Source: FEBio User's Manual 4, chapter Materials, and for "uncoupled hyperelastic" FEBio's
+    source code; Abaqus Analysis User's Guide, "Hyperelastic behavior of rubberlike materials" and
     "Anisotropic hyperelastic behavior"; CalculiX CrunchiX User's Manual, ``*HYPERELASTIC``.
 
     Parameters
@@ -114,31 +118,31 @@ def material_card(
         A sampled model: the result of :func:`sample_smc` or of PyMC's samplers, or a class of
         :func:`fit_classes`.
     code : {"febio", "abaqus"}
-        For which code.
+        Finite-element code for which the card is written.
     specimen : str, optional
-        Of classes and populations whose specimens differ, the one that is meant; the typical one
-        when missing.
+        Name of the specimen, in classes and populations whose specimens differ; by default the
+        typical specimen.
     energy : StrainEnergy or list of Layer, optional
         The material, or the layers, if the result does not name them.
     point : {"draw", "mean", "median"}
-        The material that stands for the posterior: the draw nearest the mean, or the mean or the
-        median of each parameter by itself. For the distance, each parameter is divided by its
+        The material that represents the posterior: the draw nearest the mean, or the mean or the
+        median of each parameter separately. For the distance, each parameter is divided by its
         standard deviation; parameters that are positive, or whose sign makes no difference, are
-        replaced by their logarithms. Draws whose distances differ by less than a millionth of a
-        standard deviation are equally near, and the first of them is taken.
+        replaced by their logarithms. If distances differ by less than a millionth of a standard
+        deviation, the first of these draws is taken.
     draws : int, default 0
-        Number of further materials, draws of the posterior at equal distances along its chains.
+        Number of further materials: draws of the posterior, evenly spaced along its chains.
     unit : {"kPa", "MPa"}
-        Unit of stress, and with it the system of units: mm, mN and kg, or mm, N and tonnes.
+        Unit of stress. It determines the system of units: mm, mN and kg, or mm, N and tonnes.
     bulk_modulus : float, optional
         ``K``, in `unit`, of all materials.
 
     Returns
     -------
     str
-        For FEBio a file of its format 4.0 with a ``Material`` section, to be included by
-        ``<Material from="..."/>``; numbers read back exactly. For Abaqus keyword lines, to be
-        included by ``*INCLUDE, INPUT=...``; its fields have 20 characters, which hold 17 digits of
+        For FEBio, a file of format 4.0 with a ``Material`` section, to be included by
+        ``<Material from="..."/>``; numbers read back exactly. For Abaqus, keyword lines to be
+        included by ``*INCLUDE, INPUT=...``; fields have 20 characters, which hold 17 digits of
         numbers above 0.01 and at least 14 of smaller ones. Both are plain ASCII.
 
     Raises
@@ -146,8 +150,8 @@ def material_card(
     TypeError
         If `tree` is no DataTree, `energy` no strain energy, or `draws` no whole number.
     ValueError
-        If `code`, `unit`, `point` or the specimen is unknown, there is no posterior or there are
-        fewer draws, the code does not have the law, or not with these numbers.
+        If `code`, `unit`, `point` or the specimen is unknown, the posterior is missing or has fewer
+        draws, the code does not have the law, or it does not accept these parameters.
 
     See Also
     --------
@@ -164,7 +168,7 @@ def material_card(
     *HYPERELASTIC, NEO HOOKE
     12.5, 8.0E-05
     """
-    made_for, units = _known("code", code, _CODES), _known("unit", unit, UNITS)
+    made_for, units = _one_of("code", code, _CODES), _one_of("unit", unit, UNITS)
     if bulk_modulus is not None and not (
         isinstance(bulk_modulus, Real) and 0 < bulk_modulus < np.inf
     ):
@@ -181,11 +185,11 @@ def material_card(
     bulk = _RULE if bulk_modulus is None else f"{bulk_modulus:g} {unit}"
     header = [
         f"Written by pymc_hyperelastic {version('pymc-hyperelastic')} for {made_for.label}.",
-        _whose(tree, of_wall),
+        _source_note(tree, of_wall),
         f"Units: {units.words}.",
-        f"Without a number in its name: {points[0].words}.",
-        *_of_draws(len(points) - 1, of_wall),
-        *dict.fromkeys(_what_it_means(layer, made_for) for layer in of_wall.wall),
+        f"Materials without _draw_ in their name: {points[0].words}.",
+        *_draws_note(len(points) - 1, of_wall),
+        *dict.fromkeys(_law_note(layer, made_for) for layer in of_wall.wall),
         _INCOMPRESSIBLE.format(bulk=bulk),
     ]
     if any("beta" in layer.energy.parameter_names for layer in of_wall.wall):
@@ -193,10 +197,10 @@ def material_card(
     return made_for.write(header, materials)
 
 
-def _known[T](name: str, value: str, known: dict[str, T]) -> T:
-    if not isinstance(value, str) or value not in known:
-        raise ValueError(f"{name} is {value!r}; expected one of {list(known)}")
-    return known[value]
+def _one_of[T](name: str, value: str, choices: dict[str, T]) -> T:
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name} is {value!r}; expected one of {list(choices)}")
+    return choices[value]
 
 
 def _check_law(energy: StrainEnergy, code: Code) -> None:
@@ -205,11 +209,11 @@ def _check_law(energy: StrainEnergy, code: Code) -> None:
     if law in code.laws:
         return
     others = [other.label for other in _CODES.values() if law in other.laws]
-    reason, known = code.reasons.get(law), ", ".join(has.__name__ for has in code.laws)
+    reason, available = code.reasons.get(law), ", ".join(has.__name__ for has in code.laws)
     raise ValueError(
         f"{energy.name} has no card for {code.label}"
         + (f": {reason}" if reason else "")
-        + f". {code.label} has {known}; {energy.name} has "
+        + f". {code.label} has {available}; {energy.name} has "
         + (f"a card for {', '.join(others)}" if others else "none for any code")
     )
 
@@ -217,7 +221,7 @@ def _check_law(energy: StrainEnergy, code: Code) -> None:
 def _material(
     of_wall: WallDraws, place: int, at: PointOfWall, units: Units, given: float | None
 ) -> Material:
-    """A layer of the wall at a point of the posterior."""
+    """Return the material of one layer at a point of the posterior."""
     energy, count = of_wall.wall[place].energy, len(of_wall.wall)
     values = in_units(energy, at.values[place], units)
     name = "wall" if count == 1 else f"layer_{place + 1}"
@@ -235,8 +239,8 @@ def _material(
     return Material(name + at.suffix, energy, values, bulk, [notes])
 
 
-def _whose(tree: xr.DataTree, of_wall: WallDraws) -> str:
-    """Of whom the posterior is, and from which data. What users name is written in ASCII."""
+def _source_note(tree: xr.DataTree, of_wall: WallDraws) -> str:
+    """Return a sentence with the specimen and the data of the posterior, names escaped to ASCII."""
     name = of_wall.member.name
     if name is None:
         words = "Posterior of the material"
@@ -251,15 +255,15 @@ def _whose(tree: xr.DataTree, of_wall: WallDraws) -> str:
     return words + title + (" (simulated data)." if attrs.get("simulated") else ".")
 
 
-def _of_draws(count: int, of_wall: WallDraws) -> list[str]:
+def _draws_note(count: int, of_wall: WallDraws) -> list[str]:
     if not count:
         return []
     sizes = of_wall.member.posterior.sizes
     return [
-        f"With a number in its name: {count} of the {sizes['chain'] * sizes['draw']} draws of the "
-        "posterior, at equal distances along its chains."
+        f"Materials with _draw_ in their name: {count} of the {sizes['chain'] * sizes['draw']} "
+        "draws of the posterior, evenly spaced along its chains."
     ]
 
 
-def _what_it_means(layer: NamedLayer, code: Code) -> str:
+def _law_note(layer: NamedLayer, code: Code) -> str:
     return f"{layer.energy.name}: {code.laws[type(layer.energy)].formula}."

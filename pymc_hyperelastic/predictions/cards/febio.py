@@ -1,11 +1,11 @@
-"""FEBio: the material section of a file, in the format 4.0.
+"""Write materials as the material section of a FEBio file, format 4.0.
 
-What the laws mean there: FEBio User's Manual 4, chapter Materials, "Uncoupled materials", sections
-"Mooney-Rivlin", "Ogden", "Yeoh", "Holzapfel-Gasser-Ogden", "Fiber with exponential-power law,
-uncoupled formulation" and "Uncoupled solid mixture"; axes: "mat_axis", "cylindrical". FEBio's
-"uncoupled hyperelastic", which has an energy as an expression and differentiates it, is described
-by its source, FEBioMech/FEGenericHyperelasticUC.cpp, and the expression in the manual's appendix
-"Math expressions".
+Sources: for the strain energies, FEBio User's Manual 4, chapter Materials, "Uncoupled materials",
+sections "Mooney-Rivlin", "Ogden", "Yeoh", "Holzapfel-Gasser-Ogden", "Fiber with exponential-power
+law, uncoupled formulation" and "Uncoupled solid mixture"; for the axes, "mat_axis", "cylindrical".
+FEBio's "uncoupled hyperelastic" material takes an energy as an expression, and differentiates it.
+Its source code, FEBioMech/FEGenericHyperelasticUC.cpp, and the manual's appendix "Math expressions"
+describe it.
 """
 
 from collections.abc import Sequence
@@ -29,9 +29,13 @@ from pymc_hyperelastic.predictions.cards.materials import (
 Body = tuple[str, list[ElementTree.Element]]
 """Type of a material, and its parameters."""
 
-_COLUMNS, _TERMS = 96, 6
-# FEBio reads an expression into a buffer of 512 characters.
+# Characters in a line of a comment: chosen for reading.
+_COLUMNS = 96
+# Terms of Ogden's law, at most: a limit of FEBio.
+_TERMS = 6
+# Characters of an expression, at most: FEBio reads it into a buffer of 512 characters.
 _EXPRESSION = 500
+# Declaration in the first line of a file.
 _HEAD = '<?xml version="1.0" encoding="ISO-8859-1"?>\n'
 
 
@@ -56,9 +60,11 @@ def _mooney_rivlin(c1: float, c2: float, k: float) -> Body:
 
 
 def _ogden(terms: Sequence[tuple[float, float]], k: float) -> Body:
-    """``Σ ci/mi² (...)`` of pairs of modulus and exponent."""
+    """Return the material ``Σ ci/mi² (...)``, from pairs of modulus and exponent."""
     if len(terms) > _TERMS:
-        raise ValueError(f"FEBio has at most {_TERMS} terms of Ogden's law; these are {len(terms)}")
+        raise ValueError(
+            f"FEBio has at most {_TERMS} terms of Ogden's law; the material has {len(terms)}"
+        )
     if not all(m for _, m in terms):
         raise ValueError("an exponent of Ogden's law is 0, by which FEBio divides")
     numbers: dict[str, float] = {}
@@ -68,18 +74,19 @@ def _ogden(terms: Sequence[tuple[float, float]], k: float) -> Body:
 
 
 def _series(v: Any, k: float) -> Body:
-    """The printed series has ``μp/αp`` where FEBio has ``ci/mi²``."""
+    """Return the material of Ogden's series: its ``μp/αp`` is ``ci/mi²`` in FEBio."""
     return _ogden([(m * a, a) for m, a in zip(v["mu"], v["alpha"], strict=True)], k)
 
 
 def _expression(k: float, text: str, **numbers: float) -> Body:
-    """An energy in ``I1``, into which numbers are put."""
-    # Not every FEBio reads an exponent of ten within an expression.
+    """Return a material whose energy is an expression in ``I1``, with the numbers inserted."""
+    # Some versions of FEBio cannot read powers of ten, such as 1e-5, in an expression.
     digits = {name: np.format_float_positional(x, trim="0") for name, x in numbers.items()}
     written = text.format(**digits)
     if len(written) > _EXPRESSION:
         raise ValueError(
-            f"the energy has {len(written)} characters, and FEBio reads {_EXPRESSION}: {written}"
+            f"the energy has {len(written)} characters, and FEBio reads at most {_EXPRESSION}: "
+            f"{written}"
         )
     return "uncoupled hyperelastic", [_element("W", written), *_parameters(k=k)]
 
@@ -130,7 +137,7 @@ def _four_fiber(v: Any, k: float) -> Body:
 
 
 def _fibres(k1: float, k2: float, angle: float) -> ElementTree.Element:
-    """A family, ``ksi/(alpha beta) (exp[alpha (I4 - 1)^beta] - 1)`` with ``beta = 2``."""
+    """Return a fibre family, ``ksi/(alpha beta) (exp[alpha (I4 - 1)^beta] - 1)``, ``beta = 2``."""
     _check_range("k1", k1)
     _check_range("k2", k2)
     direction = ",".join(repr(x) for x in (cos(radians(angle)), sin(radians(angle)), 0.0))
@@ -145,13 +152,13 @@ def _check_range(name: str, value: float, high: float = np.inf) -> None:
 
 
 def _axes() -> ElementTree.Element:
-    """Local axes: 1 around the tube, 2 along it, 3 through its wall."""
+    """Return the local axes: 1 around the tube, 2 along it, 3 through its wall."""
     vectors = {"center": "0,0,0", "axis": "0,0,1", "vector": "0,1,0"}
     children = [_element(name, vector) for name, vector in vectors.items()]
     return _with("mat_axis", children, type="cylindrical")
 
 
-_WITHOUT_VOLUME = ", of a deformation without its change of volume"
+_WITHOUT_VOLUME = ", of the isochoric deformation"
 _TENSION = ". A family bears no load where its E is negative"
 _HGO = (
     "W = c/2 (I1 - 3) + k1/(2 k2) sum over both families of {exp[k2 <E>^2] - 1}, "
@@ -201,7 +208,7 @@ _LAWS = {
 
 
 def _card(header: list[str], materials: list[Material]) -> str:
-    """A file with a section of materials, and the paragraphs as comments."""
+    """Return the text of a file with the materials, and the paragraphs as comments."""
     section = _element("Material")
     section.append(_comment(header))
     for i, material in enumerate(materials, start=1):
@@ -215,7 +222,7 @@ def _card(header: list[str], materials: list[Material]) -> str:
 
 def _comment(paragraphs: list[str]) -> Any:
     lines = [line for text in paragraphs for line in wrap(text, _COLUMNS)]
-    # Two hyphens would end a comment of XML before its time.
+    # XML does not allow two hyphens in a comment.
     text = "\n".join(["", *lines, ""]).replace("--", "- -").replace("--", "- -")
     return ElementTree.Comment(text)
 

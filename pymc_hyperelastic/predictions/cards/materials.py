@@ -1,4 +1,4 @@
-"""What a card is of: a material in the unit system of a finite-element model."""
+"""Materials in the unit system of a finite-element model, and the interface of the codes."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
@@ -11,8 +11,8 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 Values = Mapping[str, Any]
 """Parameters of a law by name, vectors as tuples."""
 
-# By how much the wall is stiffer against a change of its volume than of its shape: a Poisson ratio
-# of 0.4995, at which tubes have lost little of their volume and elements still converge.
+# Default ratio of the bulk modulus to the stiffness at rest. It gives a Poisson ratio of 0.4995:
+# the volume hardly changes, and elements still converge.
 _BULK_TO_SHEAR = 1000.0
 
 
@@ -21,8 +21,9 @@ class Units(NamedTuple):
 
     stress: str
     per_kpa: float
-    """How many kPa one unit of stress is."""
+    """Number of kPa in one unit of stress."""
     words: str
+    """Units of the system, for the header of the card."""
 
 
 UNITS = {
@@ -37,19 +38,19 @@ class Material(NamedTuple):
     name: str
     energy: StrainEnergy
     values: dict[str, Any]
-    """In the unit system of the card; angles in degrees."""
+    """Parameters in the unit system of the card; angles in degrees."""
     bulk_modulus: float
     notes: list[str]
-    """What a comment says of it."""
+    """Paragraphs of the comment above the material."""
 
 
 class CodeLaw(NamedTuple):
-    """What a code makes of a law."""
+    """A law as a finite-element code has it."""
 
     formula: str
-    """The energy as the code has it."""
+    """Strain energy in the notation of the code."""
     write: Callable[..., Any]
-    """From the parameters and the bulk modulus, what stands in the card."""
+    """Function of parameters and bulk modulus that returns the entry of the card."""
 
 
 class Code(NamedTuple):
@@ -58,23 +59,24 @@ class Code(NamedTuple):
     label: str
     laws: dict[type[StrainEnergy], CodeLaw]
     reasons: dict[type[StrainEnergy], str]
-    """Why it does not have others."""
+    """Reasons why the code does not have other laws."""
     write: Callable[[list[str], list[Material]], str]
-    """The card, of paragraphs that stand above it and of materials."""
+    """Function of the header's paragraphs and the materials that returns the text of the card."""
 
 
+# Reason why no code has these laws.
 _TWO_DIMENSIONS = (
-    "its energy says nothing of radial strain and of shear, for which such a code needs moduli"
+    "its energy does not depend on radial strain and shear, for which such a code needs moduli"
 )
 SILENT_LAWS: dict[type[StrainEnergy], str] = {
     laws.FungOrthotropic: _TWO_DIMENSIONS,
     laws.CriscioneType: _TWO_DIMENSIONS,
 }
-"""Laws that are enough for a tube, and no material of a code."""
+"""Laws that describe a tube only, so that no code has them, with the reason."""
 
 
 def in_units(energy: StrainEnergy, values: Values, units: Units) -> dict[str, Any]:
-    """Parameters in a system of units."""
+    """Return the parameters in a system of units."""
     found = {}
     for p in energy.parameters:
         value = np.asarray(values[p.name], float) / (units.per_kpa if p.unit == "kPa" else 1.0)
@@ -83,35 +85,36 @@ def in_units(energy: StrainEnergy, values: Values, units: Units) -> dict[str, An
 
 
 def stiffness_at_rest(energy: StrainEnergy, values: Values) -> float:
-    r"""Small-strain shear modulus, to which fibres add ``4 k1``.
+    r"""Return the small-strain shear modulus, plus ``4 k1`` with fibres.
 
-    That is the second derivative of a family's energy by its stretch where it starts to bear load.
+    ``4 k1`` is the second derivative of a fibre family's energy by its stretch, at the stretch
+    where it starts to bear load.
 
     Raises
     ------
     ValueError
-        If it is not positive: such a solid has no shape of its own.
+        If the stiffness is not positive, so that the solid is unstable at rest.
     """
     stiffness = float(_STIFFNESS[type(energy)](values))
     if not stiffness > 0:
         raise ValueError(
             f"{energy.name} with {_listed(values)} has the shear modulus {stiffness:.6g}; a "
-            "material of a finite-element model needs a positive one: another point, or draws"
+            "finite-element model needs a positive one: choose another point or other draws"
         )
     return stiffness
 
 
 def bulk_modulus_of(energy: StrainEnergy, values: Values, given: float | None) -> float:
-    """The bulk modulus: as it is given, else so large that the volume hardly changes."""
+    """Return the given bulk modulus, or 1000 times the stiffness at rest."""
     stiffness = stiffness_at_rest(energy, values)
     return _BULK_TO_SHEAR * stiffness if given is None else given
 
 
 def check_positive(name: str, values: Iterable[float], why: str) -> None:
-    """Raise ValueError unless all values are positive."""
+    """Raise ValueError, with the reason `why`, unless all values are positive."""
     for value in values:
         if not value > 0:
-            raise ValueError(f"{name} is {value:.6g}; {why}")
+            raise ValueError(f"{name} is {value:.6g}; expected a positive number, because {why}")
 
 
 def _listed(values: Values) -> str:
@@ -119,14 +122,16 @@ def _listed(values: Values) -> str:
 
 
 def _series_of_chains(v: Values) -> float:
-    """``2 dW/dI1`` of the Arruda-Boyce solid at rest."""
+    """Return the shear modulus ``2 dW/dI1`` of the Arruda-Boyce solid at rest."""
     relative = 3 / v["lock"] ** 2
     return 2 * v["mu"] * sum(i * c * relative ** (i - 1) for i, c in enumerate(LANGEVIN, start=1))
 
 
-# The printed series of the inverse Langevin function, once more as the codes have it.
+# Coefficients of the series of the inverse Langevin function in the energy of Arruda and Boyce, as
+# printed in the manuals of the codes.
 LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
+# Stiffness at rest of each law, as a function of its parameters.
 _STIFFNESS: dict[type[StrainEnergy], Callable[[Values], float]] = {
     laws.NeoHookean: lambda v: v["mu"],
     laws.MooneyRivlin: lambda v: 2 * (v["c10"] + v["c01"]),

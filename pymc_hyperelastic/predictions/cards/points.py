@@ -1,4 +1,4 @@
-"""Which material stands for a posterior."""
+"""Choose the materials of a card: one that represents the posterior, and further draws."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, get_args
@@ -15,14 +15,15 @@ Array = NDArray[np.float64]
 
 Point = Literal["draw", "mean", "median"]
 
+# Notes on the chosen point, in the header of the card.
 _RULE = (
     "in logarithms of the parameters that are positive or whose sign makes no difference, each "
     "divided by its standard deviation; the first of equally near draws"
 )
 _WORDS = {
     "draw": f"the draw of the posterior nearest its mean ({_RULE})",
-    "mean": "the mean of each parameter by itself, which need not be likely with the others",
-    "median": "the median of each parameter by itself, which need not be likely with the others",
+    "mean": "the mean of each parameter separately; together they may fit the data badly",
+    "median": "the median of each parameter separately; together they may fit the data badly",
 }
 # Standard deviation of a parameter, or of its logarithm, below which it is constant, relative to
 # its largest value or to 1 if that is larger: relative rounding errors of 1e-14 then change no
@@ -31,25 +32,28 @@ _CONSTANT = 1e-8
 # Difference of two distances from the mean, in standard deviations, below which both draws are
 # equally near. Distances differ by their rounding errors between computers.
 _EQUALLY_NEAR = 1e-6
+# Thickness of a layer, treated like a material parameter.
 _THICKNESS = Parameter("thickness", "t", "mm", (0.0, 10.0), "thickness of a layer")
 
 
 class PointOfWall(NamedTuple):
-    """Parameters of each layer of a wall, and which they are."""
+    """Parameters of each layer of a wall at one point of the posterior."""
 
     values: list[dict[str, Any]]
+    """Parameters by name, for each layer."""
     words: str
+    """Description of the point, for a comment."""
     suffix: str
-    """Of the names of its materials."""
+    """Suffix of the names of its materials."""
 
 
 def point_of(draws: WallDraws, point: Point) -> PointOfWall:
-    """The one material that stands for the posterior.
+    """Return the material that represents the posterior.
 
     Raises
     ------
     ValueError
-        If there is no such point.
+        If `point` is unknown.
     """
     if point not in get_args(Point):
         raise ValueError(f"point is {point!r}; expected one of {list(get_args(Point))}")
@@ -70,14 +74,14 @@ def point_of(draws: WallDraws, point: Point) -> PointOfWall:
 
 
 def thinned(draws: WallDraws, count: int) -> list[PointOfWall]:
-    """So many draws, evenly along the chains.
+    """Return `count` draws, evenly spaced along the chains.
 
     Raises
     ------
     TypeError
         If `count` is no whole number.
     ValueError
-        If it is negative, or there are fewer draws.
+        If `count` is negative or exceeds the number of draws.
     """
     if not isinstance(count, int) or isinstance(count, bool):
         raise TypeError(f"draws is {count!r}; expected a whole number of further materials")
@@ -97,7 +101,10 @@ def _total(draws: WallDraws) -> int:
 
 
 def _flat(draws: WallDraws) -> list[dict[str, Array]]:
-    """Parameters by draw of all chains, vectors (draw, entry); numbers are the same in all."""
+    """Return parameters by draw, with the chains joined: scalars (draw,), vectors (draw, entry).
+
+    Parameters that were given as numbers are repeated for each draw.
+    """
     total = _total(draws)
     return [
         {
@@ -113,14 +120,14 @@ def _at(flat: list[dict[str, Array]], place: int) -> list[dict[str, Any]]:
 
 
 def _which(posterior: xr.Dataset, place: int) -> str:
-    """Chain and draw of a place, by their labels."""
+    """Return the labels of chain and draw at an index of the joined draws."""
     chain, draw = divmod(place, posterior.sizes["draw"])
     labels = posterior["chain"].values[chain], posterior["draw"].values[draw]
     return f"chain {labels[0]}, draw {labels[1]}"
 
 
 def _nearest_the_mean(wall: Sequence[NamedLayer], flat: list[dict[str, Array]]) -> int:
-    """Index of the draw nearest the mean; the first one of equally near draws.
+    """Return the index of the draw nearest the mean; of equally near draws, the first one.
 
     Each parameter is divided by its standard deviation. The covariance is not used: with fewer
     draws than parameters, all draws have the same Mahalanobis distance from their mean.
@@ -144,11 +151,11 @@ def _parameter(layer: NamedLayer, name: str) -> Parameter:
 
 
 def _even(parameter: Parameter) -> bool:
-    """Whether the sign of a parameter makes no difference: draws of both are of one material."""
+    """Return True if the sign of a parameter makes no difference to the material."""
     return parameter.natural_scale == "log" and parameter.prior_range[0] < 0
 
 
 def _coordinate(parameter: Parameter, values: Array) -> Array:
-    """Draws where they are spread about normally."""
+    """Return draws on the scale for distances: logarithms, if the natural scale is logarithmic."""
     size = np.abs(values) if _even(parameter) else values
     return np.log(size) if parameter.natural_scale == "log" and np.all(size > 0) else size
