@@ -129,7 +129,7 @@ class Processes:
         self._all.add(executor)
         self._own.executor = executor
         try:
-            executor.submit(_receive, self._work, _search_path()).result()
+            executor.submit(_receive, self._work, _search_path(), os.getpid()).result()
         except Exception as error:
             raise WorkersLost(f"no worker process can start: {error}") from error
         return executor
@@ -139,11 +139,11 @@ class Processes:
 _received: list[Work] = []
 
 
-def _receive(work: bytes, paths: list[str]) -> None:
-    """Set up a worker process."""
+def _receive(work: bytes, paths: list[str], parent: int) -> None:
+    """Set up a worker of the process `parent`."""
     # The process that asks stops its workers after an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     sys.path[:] = paths
     _received[:] = [pickle.loads(work)]
 
