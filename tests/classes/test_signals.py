@@ -125,7 +125,7 @@ def test_the_part_of_a_single_signal_is_the_log_ratio():
 def test_a_class_alone_has_nothing_to_be_told_from(classes):
     alone = classes.copy()
     del alone["stiff"], alone["middle"]
-    with pytest.raises(ValueError, match="classes holds 'soft' alone"):
+    with pytest.raises(ValueError, match="classes holds only 'soft'"):
         explain(NEW, alone)
 
 

@@ -121,7 +121,7 @@ VALUE_ERRORS = [
     (lambda: PLAIN(radius_sd=0.1, observed=True), "known radii"),
     (lambda: SLOPED(1.0, HALF, observed=True), "slope_weight is a distribution|must be a number"),
     (lambda: potential(likelihood=PLAIN(1.0, observed=True)), "observed=True|ph.inflation_model"),
-    (lambda: fit(likelihood=PLAIN(1.0, observed=True)), "observed=True away"),
+    (lambda: fit(likelihood=PLAIN(1.0, observed=True)), "omit observed=True"),
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
