@@ -23,8 +23,8 @@ _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
-# Variables without which an error cannot be told.
-_NEVER_NAN = ("at_bounds", "unmet")
+# Variables without which an evidence, or its error, is unknown.
+_NEVER_NAN = ("log_evidence", "at_bounds", "unmet")
 # Variables that are needed if another variable is there.
 _TOGETHER = {
     "ancestor_fraction": "stages_capped",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
 import xarray as xr
@@ -35,6 +36,8 @@ DOUBT = "#D55E00"
 _BELOW = 0.35
 # Columns of a legend at most.
 _MOST_COLUMNS = 8
+# Letters of a line of a legend: as many fit into the narrowest figure.
+_LEGEND_WIDTH = 60
 
 
 class Canvas:
@@ -118,7 +121,8 @@ class Canvas:
         if wanted is None or len(entries) < 2:
             return
         backend = import_module(f"arviz_plots.backend.{self.collection.backend}")
-        draw = partial(backend.legend, self.collection, [*entries.values()], [*entries])
+        labels = [fill(label, _LEGEND_WIDTH) for label in entries]
+        draw = partial(backend.legend, self.collection, [*entries.values()], labels)
         if self.collection.backend == "none":
             draw(**wanted)
             return
