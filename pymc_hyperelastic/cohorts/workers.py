@@ -11,12 +11,14 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
 
 import cloudpickle
 import xarray as xr
 from loky import ProcessPoolExecutor
+from loky.backend.resource_tracker import ensure_running
 
 from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
 from pymc_hyperelastic.io.store import Part
@@ -95,6 +97,7 @@ class Processes:
         self._own, self._all = threading.local(), set[ProcessPoolExecutor]()
         self._threads = ThreadPoolExecutor(count)
         self._closed = False
+        _start_trackers()
 
     def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let the next free worker do a batch."""
@@ -133,6 +136,20 @@ class Processes:
         except Exception as error:
             raise WorkersLost(f"no worker process can start: {error}") from error
         return executor
+
+
+def _start_trackers() -> None:
+    """Start the processes that clean up semaphores, without modules of the current folder."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        ensure_running()
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 # The work that a worker process has received.

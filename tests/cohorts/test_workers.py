@@ -19,12 +19,11 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import parts_of
 from pymc_hyperelastic.cohorts.workers import (
     Cluster,
-    Processes,
     ThisProcess,
     WorkerDied,
     WorkersLost,
 )
-from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
+from pymc_hyperelastic.io.store import hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -258,17 +257,32 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     assert result.identical(undisturbed)
 
 
-def test_processes_prefer_installed_modules_to_those_of_the_current_folder(
-    data, tmp_path, monkeypatch
-):
-    """Own modules beside a notebook are found, after those of Python and the environment."""
-    for name in ("scipy", "signal"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", ["", *sys.path])
-    workers = Processes(SimulatedWork(), 1)
-    assert workers.submit(data, Part(tmp_path / "part.nc", "hash")).result().failed == []
-    workers.close()
+IN_ANOTHER_FOLDER = """
+import os
+import sys
+sys.path[:0] = {paths!r}
+from pathlib import Path
+from simulated_work import SimulatedWork, cohort
+from pymc_hyperelastic.cohorts.workers import Processes
+from pymc_hyperelastic.io.store import Part
+os.chdir({folder!r})
+for name in ("scipy", "signal"):
+    Path(f"{{name}}.py").write_text("raise SystemExit('executed')")
+workers = Processes(SimulatedWork(), 1)
+print(workers.submit(cohort(), Part(Path("part.nc"), "hash")).result().failed)
+workers.close()
+"""
+
+
+def test_processes_prefer_installed_modules_to_those_of_the_current_folder(data, tmp_path):
+    """Neither workers nor the processes that clean up semaphores run files of that folder."""
+    script = tmp_path / "scripts" / "run.py"
+    script.parent.mkdir()
+    here = [str(Path(__file__).parent)]
+    script.write_text(IN_ANOTHER_FOLDER.format(paths=here, folder=str(tmp_path)))
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
+    assert "executed" not in done.stderr
     total = SimulatedWork().run(data)["total"].values
     assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
 
