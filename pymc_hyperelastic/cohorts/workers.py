@@ -11,6 +11,7 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
@@ -128,11 +129,12 @@ class Processes:
             raise WorkerDied("it was stopped")
         # Import nothing from the current folder, which may be somebody else's.
         env = {"PYTHONSAFEPATH": "1", **{f"{name}_NUM_THREADS": "1" for name in _THREADS}}
-        executor = ProcessPoolExecutor(1, env=env)
+        known = {"paths": _search_path(), "work": self._work, "parent": os.getpid()}
+        executor = ProcessPoolExecutor(1, env=env, initializer=exec, initargs=(_SET_UP, known))
         self._all.add(executor)
         self._own.executor = executor
         try:
-            executor.submit(_receive, self._work, _search_path(), os.getpid()).result()
+            executor.submit(_check_work).result()
         except Exception as error:
             raise WorkersLost(f"no worker process can start: {error}") from error
         return executor
@@ -152,17 +154,35 @@ def _start_trackers() -> None:
             os.environ["PYTHONSAFEPATH"] = before
 
 
-# The work that a worker process has received.
-_received: list[Work] = []
+# What a worker process does first, also one by which loky replaces another. Modules are looked for
+# where this process looks, but last in the current folder.
+_SET_UP = """
+import sys
+sys.path[:] = paths
+from pymc_hyperelastic.cohorts import workers
+workers.set_up(work, parent)
+"""
+# The pickled work, in a worker process.
+_sent: list[bytes] = []
 
 
-def _receive(work: bytes, paths: list[str], parent: int) -> None:
+def set_up(work: bytes, parent: int) -> None:
     """Set up a worker of the process `parent`."""
     # The process that asks stops its workers after an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    sys.path[:] = paths
-    _received[:] = [pickle.loads(work)]
+    _sent[:] = [work]
+
+
+@cache
+def _received() -> Work:
+    """Return the work of this worker process."""
+    return pickle.loads(_sent[0])
+
+
+def _check_work() -> None:
+    """Raise what keeps the work from being received."""
+    _received()
 
 
 def _end_with(parent: int) -> None:
@@ -173,7 +193,7 @@ def _end_with(parent: int) -> None:
 
 
 def _run_sent(data: xr.Dataset, part: Part) -> Remarks:
-    return run_batch(_received[0], "here", data, part)
+    return run_batch(_received(), "here", data, part)
 
 
 def _search_path() -> list[str]:

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,11 +20,12 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import parts_of
 from pymc_hyperelastic.cohorts.workers import (
     Cluster,
+    Processes,
     ThisProcess,
     WorkerDied,
     WorkersLost,
 )
-from pymc_hyperelastic.io.store import hash_of, manifest_of
+from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -274,17 +276,42 @@ workers.close()
 """
 
 
-def test_processes_prefer_installed_modules_to_those_of_the_current_folder(data, tmp_path):
-    """Neither workers nor the processes that clean up semaphores run files of that folder."""
+@pytest.mark.parametrize("options", [[], ["-c", "import sys; exec(open(sys.argv[1]).read())"]])
+def test_processes_prefer_installed_modules_to_those_of_the_current_folder(options, data, tmp_path):
+    """In a script elsewhere, and where Python searches the current folder first."""
     script = tmp_path / "scripts" / "run.py"
     script.parent.mkdir()
     here = [str(Path(__file__).parent)]
     script.write_text(IN_ANOTHER_FOLDER.format(paths=here, folder=str(tmp_path)))
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, *options, script], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
     assert "executed" not in done.stderr
     total = SimulatedWork().run(data)["total"].values
     assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
+
+
+HOARD = []
+
+
+class Hoarding(SimulatedWork):
+    """Work that keeps memory: loky replaces such a worker after a second or more."""
+
+    def run(self, data):
+        HOARD.append(np.ones(50_000_000))
+        time.sleep(1.5)
+        return super().run(data).assign(process=os.getpid())
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:A worker was restarted")
+def test_a_worker_that_replaces_another_has_its_work(data, tmp_path):
+    workers, seen = Processes(Hoarding(), 1), set()
+    for i in range(3):
+        part = tmp_path / f"{i}.nc"
+        assert workers.submit(data, Part(part, "hash")).result().failed == []
+        seen.add(ph.open_result(part)["process"].item())
+    workers.close()
+    assert len(seen) > 1
 
 
 class Unreadable(SimulatedWork):
