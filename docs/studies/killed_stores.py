@@ -110,7 +110,9 @@ def in_child(job, folder: Path) -> int:
 
     os.replace, os.link = slow(os.replace), slow(os.link)
     Path.write_bytes = slow_write
-    Path.write_text = lambda path, text, encoding: slow_write(path, text.encode(encoding))
+    Path.write_text = lambda path, text, encoding, errors="strict": slow_write(
+        path, text.encode(encoding, errors)
+    )
     job(folder)
     os._exit(0)
 
