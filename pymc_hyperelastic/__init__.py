@@ -35,6 +35,7 @@ from pymc_hyperelastic.mechanics import strain_energy
 from pymc_hyperelastic.mechanics.curves import axial_force, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.mechanics.integrals import PressureIntegral
 from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.inflation import (
@@ -83,6 +84,7 @@ __all__ = [
     "select",
     "mmHg",
     *strain_energy.__all__,
+    "Tube",
     "Layer",
     "Measured",
     "PressureIntegral",
