@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import fits
 import matplotlib
+import pymc as pm
 
 import pymc_hyperelastic as ph
 
@@ -19,12 +20,38 @@ def properties(specimen):
     return float(ph.tube_properties(tree, 10.0 + int(specimen[1]))["radius"].mean())
 
 
-def test_fits_and_predictions_in_threads_equal_those_one_by_one():
-    specimens = ["S1", "S2", "S3", "S4"]
-    for function in (evidence, properties):
+def decision(specimen):
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimen, experiment=3)
+    found = ph.classify(data, fits.fit("pooled"), random_seed=1, progressbar=False)
+    return found["log_evidence"].values.tolist()
+
+
+def test_fits_decisions_and_predictions_in_threads_equal_those_one_by_one():
+    four = ["S1", "S2", "S3", "S4"]
+    for function, specimens in ((evidence, four), (decision, four[:2]), (properties, four)):
         alone = [function(specimen) for specimen in specimens]
         with ThreadPoolExecutor(4) as pool:
             assert list(pool.map(function, specimens * 2)) == alone * 2
+
+
+def test_likelihoods_that_are_made_in_threads_equal_those_made_one_by_one():
+    """Each is a part of a model of the thread, and is evaluated afterwards."""
+
+    def made(specimen):
+        data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimen)
+        with pm.Model() as model:
+            known = {"mu": pm.Uniform("mu", 0.0, 50.0), "alpha": pm.Uniform("alpha", 1.0, 20.0)}
+            ph.inflation_likelihood("curves", ph.Ogden(), data, 0.5, known)
+        return model
+
+    def value(model):
+        return float(model.compile_logp(mode="FAST_COMPILE")(model.initial_point(random_seed=1)))
+
+    specimens = ["S1", "S2", "S3", "S4"]
+    alone = [value(made(specimen)) for specimen in specimens]
+    with ThreadPoolExecutor(4) as pool:
+        models = list(pool.map(made, specimens))
+    assert [value(model) for model in models] == alone
 
 
 def test_reports_in_two_threads_leave_the_settings_of_figures(tmp_path):

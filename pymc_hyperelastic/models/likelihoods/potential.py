@@ -16,8 +16,10 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward import Mode
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
 from pymc_hyperelastic.models.likelihoods.gaussian import as_likelihood
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def inflation_likelihood(
     name: str,
     energy: StrainEnergy,
