@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.optimize import brentq
 from scipy.special import expit, log_expit, logsumexp
 
-from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.checks import check_count, check_repeatable
 from pymc_hyperelastic.evidence.convergence import (
     FEWEST_EFFECTIVE,
     LARGEST_DEVIATION,
@@ -93,7 +93,8 @@ def log_evidence_by_bridge(
     ValueError
         If the model has discrete variables; if draws lack a variable, have another shape than the
         model's, are not finite, at a bound, all the same, of density zero under the model, or too
-        few for the number of unknowns; or if an option is unknown.
+        few for the number of unknowns; if the density of the model is random; or if an option is
+        unknown.
 
     Warns
     -----
@@ -156,6 +157,7 @@ def log_evidence_by_bridge(
         "draws",
         "have a density of zero, or none: are these draws of this model, with these data?",
     )
+    check_repeatable(log_density[:, :1], density(draws[:, :1]))
     if len(draws) == 1:
         draws, log_density = _halves(draws), _halves(log_density)
     doubts = [*disagreement(names, draws, log_density), *divergence(tree)]

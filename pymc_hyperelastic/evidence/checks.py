@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
 import pymc as pm
 import pytensor
+from numpy.typing import NDArray
 from pymc.vartypes import discrete_types
 
 
@@ -70,6 +72,15 @@ def check_continuous(model: pm.Model, who: str = "expected") -> None:
     if discrete or not model.value_vars:
         what = f"discrete: {discrete}" if discrete else "none"
         raise ValueError(f"{who} a model with continuous free variables; here are {what}")
+
+
+def check_repeatable(log_density: NDArray[np.floating], again: NDArray[np.floating]) -> None:
+    """Raise if the log density of the same points differs when it is computed `again`."""
+    if not np.allclose(again, log_density):
+        raise ValueError(
+            "the density of the model is random: the same point had another one when it was "
+            "computed again. Such a model has no evidence"
+        )
 
 
 def no_progress(*_: Any) -> None:

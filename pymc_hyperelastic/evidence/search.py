@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.evidence.checks import check_repeatable
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
@@ -117,11 +118,7 @@ def _possible_draws(
         drawn += size
         nan_count += bad
     check_possible(np.isfinite(scores), nan_count, f"{drawn} draws of the prior")
-    if not np.allclose(np.add(*target.score(points[: size // 2])), scores[: size // 2]):
-        raise ValueError(
-            "the density of the model is random: the same point had another one when it was "
-            "computed again. Such a model has no evidence"
-        )
+    check_repeatable(scores[: size // 2], np.add(*target.score(points[: size // 2])))
     share = len(points) / drawn
     return points, scores, Estimate(float(np.log(share)), np.sqrt((1 - share) / len(points)))
 

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pymc as pm
+import pytensor
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
@@ -272,6 +273,21 @@ def test_draws_with_a_density_of_zero_are_refused():
     match = r"2 of 2000 draws, the first of them draw 3 of chain 1, have a density of zero"
     with pytest.raises(ValueError, match=match):
         bridge(model, as_tree(x=x))
+
+
+def test_a_random_density_is_refused():
+    """A likelihood that is estimated by simulation, and one of a minibatch."""
+    rng = np.random.default_rng(SEED)
+    noisy = pytensor.wrap_py([pt.dscalar], [pt.dscalar])(lambda x: np.asarray(rng.normal(-(x**2))))
+    with pm.Model() as simulated:
+        pm.Potential("likelihood", noisy(pm.Normal("x")))
+    with pm.Model() as some_data:
+        part = pm.Minibatch(np.zeros(20), batch_size=5)
+        pm.Normal("y", pm.Normal("x"), observed=part, total_size=20)
+    draws = as_tree(x=rng.normal(size=(CHAINS, DRAWS)))
+    for model in (simulated, some_data):
+        with pytest.raises(ValueError, match="the density of the model is random"):
+            bridge(model, draws)
 
 
 def test_more_than_two_draws_for_each_unknown_are_needed():
