@@ -17,6 +17,7 @@ from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, lab
 from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.io.atomic import remove_abandoned
 from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.messages import PACKAGE
@@ -98,6 +99,8 @@ def run_cohort(
             raise
         finally:
             workers.close()
+            if client is None:  # a worker of a cluster may still write, on a disk without locks
+                remove_abandoned(store.folder)
     for words, name, kind in (
         (remarks.failed, "error", "failed"),
         (remarks.doubtful, DOUBTFUL, "have a doubtful fit"),

@@ -44,6 +44,12 @@ def atomic_write(path: Path, *, once: bool = False) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
+def remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files of a folder whose processes were killed."""
+    for unfinished in folder.glob(f".*{UNFINISHED}"):
+        _remove_if_abandoned(unfinished)
+
+
 def _open_locked(folder: Path, prefix: str) -> tuple[Path, BinaryIO]:
     """Create a temporary file, and lock it until the process ends or closes it."""
     while True:

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import Future
 from pathlib import Path
@@ -25,6 +26,7 @@ from pymc_hyperelastic.cohorts.workers import (
     WorkerDied,
     WorkersLost,
 )
+from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
 from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
 
 
@@ -222,9 +224,25 @@ def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, 
         assert computed(SimulatedWork(), data, folder, batch_size=4).identical(undisturbed)
 
 
+def test_unfinished_files_of_killed_processes_are_removed(data, tmp_path):
+    """A part of other specimens than those of the next batches; a living process keeps its own."""
+    pytest.importorskip("fcntl", reason="only Unix has locks of files")
+    folder = tmp_path / "store"
+    computed(SimulatedWork(), data, folder, batch_size=4)
+    (folder / "000000004-000000008.nc").unlink()
+    (folder / f".0123{UNFINISHED}").write_text("half")
+    with atomic_write(folder / "other.nc") as living:
+        computed(SimulatedWork(), data, folder, batch_size=2)
+        assert list(folder.glob(".*")) == [living]
+
+
 @pytest.mark.deep
-def test_killed_processes_are_replaced(data, undisturbed, tmp_path):
+def test_killed_processes_are_replaced(data, undisturbed, tmp_path, monkeypatch):
     """Two processes die while they compute a batch; S5 kills every process that computes it."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     work = SimulatedWork(kills_once=("S2", "S11"), kills=("S5",), folder=tmp_path)
     with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
         result = computed(work, data, tmp_path / "store", batch_size=1, cores=2)
@@ -232,6 +250,7 @@ def test_killed_processes_are_replaced(data, undisturbed, tmp_path):
     said = result["error"].sel(specimen="S5").item()
     assert "3 times" in said and "SIGKILL" in said
     check_others(result, undisturbed, "S5")
+    assert not [*temporary.iterdir(), *(tmp_path / "store").glob(".*")]
 
 
 DRIVER = """
