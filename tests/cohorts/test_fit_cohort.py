@@ -83,6 +83,26 @@ def test_priors_are_stored_and_a_change_of_them_is_refused(tmp_path):
         ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, tmp_path / "store", **settings)
 
 
+def test_a_store_of_a_law_of_another_formula_is_refused(tmp_path, monkeypatch):
+    """The class of a user has the same name, and its parameters the same priors."""
+    monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
+
+    def mine(power):
+        class Mine(ph.StrainEnergy):
+            parameters = (ph.Parameter("mu", "m", "kPa", (0.0, 200.0), "modulus"),)
+
+            def energy(self, radial, hoop, axial, *, mu):
+                return mu / 2 * (radial**power + hoop**power + axial**power - 3)
+
+        return Mine()
+
+    one = ph.select(STUDY, specimen="S1", experiment=1)
+    settings = SERIAL | {"draws": 50}
+    ph.fit_cohort(mine(2), one, 5.0, tmp_path, **settings)
+    with pytest.raises(ValueError, match="layers, 1 has another formula there than here"):
+        ph.fit_cohort(mine(4), one, 5.0, tmp_path, **settings)
+
+
 def test_wrong_settings_are_named(tmp_path):
     for settings, message in (
         ({"by": "animal"}, "by must be 'specimen' or 'test', not 'animal'"),

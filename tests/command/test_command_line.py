@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from interrupts import interrupt
 from pytensor.configdefaults import _filter_compiledir
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
-from pymc_hyperelastic.command.commands import _without_formulas
+from pymc_hyperelastic.command import commands
 from pymc_hyperelastic.command.main import main
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 
@@ -109,11 +110,15 @@ def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
     run, table, tmp_path, monkeypatch, capsys
 ):
     interrupt(monkeypatch, pooled, "run_smc", call=2)
+    before = tmp_path / "classes-NeoHookean.nc"
+    before.write_text("a complete result")
     law = ["--variability", "none", "--law", "NeoHookean", "--law", "Ogden"]
+    rest = ["--quiet", "--overwrite", "--out", tmp_path]
     with pytest.raises(SystemExit) as ended:
-        run("fit", table, *law, "--draws", "100", "--chains", "1", "--quiet", "--out", tmp_path)
+        run("fit", table, *law, "--draws", "100", "--chains", "1", *rest)
     assert ended.value.code == 130 and "repeat the command to continue" in capsys.readouterr().err
-    assert not list(tmp_path.glob("*.nc"))
+    assert list(tmp_path.glob("*.nc")) == [before] and before.read_text() == "a complete result"
+    assert (tmp_path / "classes-NeoHookean" / "class-0.nc").exists()
 
 
 # Some draws of these small classes have walls that cannot bear the pressure.
@@ -241,8 +246,22 @@ def test_version_is_that_of_the_package(run):
     assert run("--version") == f"pymc-hyperelastic {version('pymc-hyperelastic')}\n"
 
 
-def test_text_that_a_spreadsheet_would_compute_is_marked():
-    table = pd.DataFrame({"specimen": ["=1+1", "-A", "S1"], "P(a)": [-0.5, 0.5, 1.0]})
-    marked = _without_formulas(table)
-    assert marked["specimen"].tolist() == ["'=1+1", "'-A", "S1"]
-    assert marked["P(a)"].tolist() == [-0.5, 0.5, 1.0]
+def test_text_that_a_spreadsheet_would_compute_is_marked(run, table, tmp_path, monkeypatch):
+    names = ["=1+1", "-A", "+A", "@A", "S1"]
+    decisions = xr.Dataset(
+        {
+            "decision": ("specimen", ["-a", "b", "b", "b", "b"]),
+            "class_probability": (("specimen", "class_label"), np.tile([0.25, 0.75], (5, 1))),
+            "class_probability_se": (("specimen", "class_label"), np.tile(-0.5, (5, 2))),
+            "error": ("specimen", ["", "=no", "", "", ""]),
+        },
+        {"specimen": names, "class_label": ["-a", "b"]},
+    )
+    monkeypatch.setattr(commands, "classes_of", lambda study: [xr.DataTree()])
+    monkeypatch.setattr(commands, "classify_cohort", lambda *given, **settings: None)
+    monkeypatch.setattr(commands, "open_cohort", lambda store: decisions)
+    run("classify", table, "--out", tmp_path)
+    found = pd.read_csv(tmp_path / "classified.csv", keep_default_na=False)
+    assert found["specimen"].tolist() == ["'=1+1", "'-A", "'+A", "'@A", "S1"]
+    assert found["decision"].tolist()[0] == "'-a" and found["error"].tolist()[1] == "'=no"
+    assert found["P(-a)"].tolist() == [0.25] * 5 and found["± -a"].tolist() == [-0.5] * 5

@@ -39,6 +39,7 @@ BAD_TABLE = {
     "measured": (lambda: build(measured="diameter"), "'diameter'.*'radius', 'outer_diameter'"),
     # Labels.
     "no specimen": (lambda: cell("specimen", 12, pd.NA), "row 12: specimen is missing"),
+    "form feed": (lambda: cell("specimen", 12, "S\x0c1"), r"12: .*the label 'S\\x0c1' has the cha"),
     "group changes": (lambda: cell("group", 13, "C2"), f"{S1E2}.* 13: group is 'C2', but 'C1'"),
     # Numbers.
     "gap": (lambda: cell("radius", 13, pd.NA), f"{S1E2}.*, row 13: radius is missing"),

@@ -362,7 +362,7 @@ def test_labels_that_look_alike_are_the_same(written):
     assert written(table)["specimen"].item() == "S 1"
 
 
-@pytest.mark.parametrize("character", ["\x0c", "\x00", "\ufffe"])
+@pytest.mark.parametrize("character", ["\x0c", "\x0b", "\x00", "\ufffe", "\uffff"])
 def test_characters_that_no_report_can_hold_are_refused(character, written):
     message = message_of(written, f"{HEAD}\n{ROWS}".replace("S1,1,8", f"S{character}1,1,8"))
     assert f"a.csv, line 3: there is a character {character!a}" in message

@@ -87,6 +87,7 @@ def test_a_file_that_was_changed_since_is_refused_by_its_checksum(tmp_path):
         lambda file: file.attrs.__setitem__("more", "u"),
         lambda file: file.move("C1", "C3"),
         lambda file: file.attrs.__setitem__("checksum", "0"),
+        lambda file: file.attrs.__setitem__("checksum", "[" * 60_000),
         lambda file: file.attrs.__setitem__("checksum", h5py.Empty("f8")),
         lambda file: file.attrs.__setitem__("checksum", np.arange(3)),
     ):
@@ -268,6 +269,11 @@ def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
 
 ODD = {
     "None": (np.array(["a", None], object), "the variable 'odd' of group '/C2' holds object, wh"),
+    "NaN in text": (
+        np.array(["a", np.nan], object),
+        "'odd' of group '/C2' holds object, which a f",
+    ),
+    "integers": (np.array([1, 2], object), "the variable 'odd' of group '/C2' holds object, which"),
     "complex": (np.array([1j, 2]), "the variable 'odd' of group '/C2' holds complex128, which"),
     "year": (np.array(["0001-01-01"] * 2, "datetime64[D]"), "'odd' of group '/C2' .* 1678 to 2262"),
     "category": (pd.Categorical(["a", "b"]), "the variable 'odd' of group '/C2' holds category"),
@@ -278,6 +284,10 @@ ODD = {
     "factor": (
         xr.Variable("k", [1.0, 2.0], {"scale_factor": 2.0}),
         "the attribute 'scale_factor' of the variable 'odd' of group '/C2' would not be read",
+    ),
+    "fill value": (
+        xr.Variable("k", [1.0, 2.0], {"_FillValue": 0.0}),
+        "the attribute '_FillValue' of the variable 'odd' of group '/C2' would not be read",
     ),
 }
 

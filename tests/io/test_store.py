@@ -15,6 +15,7 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.keeping import named, remembering
 from pymc_hyperelastic.io import store as store_module
+from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.io.store import (
     OtherWork,
     Store,
@@ -124,8 +125,12 @@ def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
 
 
 def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_path):
-    (tmp_path / ".0123.unfinished").write_text("{")
-    assert Store(tmp_path, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
+    folder = tmp_path / "store"
+    folder.mkdir()
+    with atomic_write(tmp_path / "manifest.json") as beside:
+        (folder / beside.name).write_text("{")
+    assert Store(folder, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
+    assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "one.nc"]
 
 
 def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkeypatch):
