@@ -4,6 +4,7 @@ The files are in ``messy/``. Their numbers in kPa and mm are written out here by
 """
 
 import io
+import os
 import re
 import tomllib
 import zipfile
@@ -319,6 +320,16 @@ def test_paths_are_given_once(tmp_path):
             ph.read_tests(*arguments)
     with pytest.raises(ValueError, match="check is 'no'"):
         ph.read_tests(table, check="no")
+
+
+def test_a_file_whose_name_is_no_utf8_is_read(tmp_path):
+    """As archives of other systems unpack them."""
+    path = tmp_path / os.fsdecode(b"\xdc.csv")
+    try:
+        path.write_text(f"{HEAD}\n{ROWS}")
+    except OSError:
+        pytest.skip("this disk has no such names")
+    assert ph.read_tests(path)["row"].values[0] == r"\udcdc.csv, line 2"
 
 
 def test_guide_states_all_names_and_units_and_its_settings_are_right():

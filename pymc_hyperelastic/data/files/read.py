@@ -162,10 +162,15 @@ def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     for path, place in zip(paths, places, strict=True):
         if places.count(place) > 1:
             raise ValueError(f"{path} is given twice: its points would count twice")
-    by_name = {p.name if names.count(p.name) == 1 else str(p): p for p in paths}
+    by_name = {_as_text(p.name if names.count(p.name) == 1 else str(p)): p for p in paths}
     if toml:
         return by_name, read_settings(toml[0])
     return by_name, settings_of(settings or {}, "")  # type: ignore[arg-type]
+
+
+def _as_text(name: str) -> str:
+    r"""Return the name of a file with bytes that are no UTF-8 as in ``\udcdc``."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -> list[Table]:
