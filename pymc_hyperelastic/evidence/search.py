@@ -6,17 +6,12 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import (
-    LARGEST_PARETO_K,
-    PRIOR_SHARE,
-    mean_weight,
-    weighted_draws,
-)
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K, mean_weight, weighted_draws
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import Modes, find_modes, starting_points
 from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
-from pymc_hyperelastic.evidence.tempering import HASTY_MOVES, TemperedSMC
+from pymc_hyperelastic.evidence.tempering import HASTY, TemperedSMC
 
 # Particles of the search for each unknown: tempered from the first reference, and drawn from the
 # prior and the modes. Half as many are tempered from the prior.
@@ -73,14 +68,14 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         mixture = mixture.joined(modes.mixture)
         _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), size, rng)
         at_modes, at_modes_k = mean_weight(log_weights)
-    first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    first = Reference(mixture.heavy_tailed())
     particles = first.draw(target.draw_prior, size, rng)
-    found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=HASTY_MOVES).run()
+    found = TemperedSMC(GeometricPath(target, first), particles, rng, HASTY).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    reference = Reference(mixture.heavy_tailed())
     evidence = xr.Dataset(
         {
             "forward": forward.log_evidence + share.value,
@@ -129,7 +124,7 @@ def _possible_draws(
 def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
     particles = np.resize(prior, (count, target.dimension))
-    return TemperedSMC(GeometricPath(target), particles, rng, max_moves=HASTY_MOVES).run()
+    return TemperedSMC(GeometricPath(target), particles, rng, HASTY).run()
 
 
 def _modes(
