@@ -84,8 +84,17 @@ class BatchedFunction:
 
         def batch() -> tuple[list[TensorVariable], list[Variable]]:
             # Joining all variables takes as long as the comparison of expressions.
-            point = {name: np.zeros(shape) for name, shape in shapes.items()}
-            return _of_a_batch(*join_nonshared_inputs(point, outputs, values))
+            zeros = {name: np.zeros(shape) for name, shape in shapes.items()}
+            joined, point = join_nonshared_inputs(zeros, outputs, values)
+            # A particle with impossible parameters is impossible by itself. PyMC's checks, once
+            # vectorised, would refuse all particles.
+            graph = FunctionGraph(outputs=joined, clone=False)
+            in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
+            particles = pt.matrix("particles", dtype=point.dtype)
+            batched = vectorize_graph(list(graph.outputs), {point: particles})
+            # An output that no variable enters is one number for all particles.
+            size = (particles.shape[0],)
+            return [particles], [v if v.type.ndim else pt.broadcast_to(v, size) for v in batched]
 
         key = *shapes.values(), str(compile_kwargs)
         function, shared = _compile(values, outputs, batch, key, **compile_kwargs)
@@ -133,22 +142,6 @@ class BatchedFunction:
     def chunk(self) -> int:
         """Number of points that are evaluated in one call; it depends on the data alone."""
         return max(1, min(CHUNK, _CHUNK_NUMBERS // self.data_size))
-
-
-def _of_a_batch(
-    outputs: Sequence[Variable], point: TensorVariable
-) -> tuple[list[TensorVariable], list[Variable]]:
-    """Replace one point by a batch of points, and return the batch and its outputs."""
-    # A particle with impossible parameters is impossible by itself. PyMC's checks, once vectorised,
-    # would refuse all particles.
-    graph = FunctionGraph(outputs=outputs, clone=False)
-    in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
-    batch = pt.matrix("particles", dtype=point.dtype)
-    outputs = vectorize_graph(list(graph.outputs), {point: batch})
-    # An output that no variable enters is one number for all particles.
-    return [batch], [
-        out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
-    ]
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:

@@ -87,8 +87,12 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         }
     )
     if checked and target.dimension > _FEW_UNKNOWNS:
+        # Chains that all start from a reference without some mode agree with each other too.
         others = _tempered(prior[::-1], size // 2, target, rng).particles
-        evidence["unmet"] = _unmet(target, reference, found.log_evidence, others)
+        log_prior, log_likelihood = target.score(others)
+        log_posterior = log_prior + log_likelihood - found.log_evidence
+        lacking = log_posterior - reference.log_density(others, log_prior)
+        evidence["unmet"] = float(np.mean(lacking > _LACKING))
     if checked:
         evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
     return Search(reference, evidence)
@@ -131,29 +135,15 @@ def _modes(
     target: Target, prior: Array, score: Array, forward: TemperedSMC, rng: np.random.Generator
 ) -> Modes | None:
     """Find modes from draws of the prior, and from probes at each stage of tempering."""
-    groups = [*starting_points(prior, score)]
-    probes = [_best_probe(target, mixture, rng) for mixture in forward.mixtures]
-    starts = [np.concatenate(groups[:2]), np.array(probes)]
-    return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
-
-
-def _best_probe(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
-    """Return the draw of a mixture with the largest weight: it may lie in a narrow mode."""
+    groups, best = [*starting_points(prior, score)], []
     probes = min(_PROBES * target.dimension, max(_PROBED_NUMBERS // target.cost(), 1))
-    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
-    return points[np.argmax(log_weights)]
+    for mixture in forward.mixtures:
+        points, log_weights = weighted_draws(target.score, mixture, probes, rng)
+        best.append(points[np.argmax(log_weights)])
+    starts = [np.concatenate(groups[:2]), np.array(best)]
+    return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
 
 
 def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
     """Fit a mixture to all places that particles visited at their last stage."""
     return GaussianMixture.fit(smc.visited, components_for(smc.draws, smc.dimension), rng)
-
-
-def _unmet(target: Target, reference: Reference, log_evidence: float, others: Array) -> float:
-    """Return the share of other particles, tempered from the prior, that the reference lacks.
-
-    Chains that all start from a reference without some mode agree with each other all the same.
-    """
-    prior, likelihood = target.score(others)
-    lacking = prior + likelihood - log_evidence - reference.log_density(others, prior)
-    return float(np.mean(lacking > _LACKING))
