@@ -84,8 +84,17 @@ class BatchedFunction:
 
         def batch() -> tuple[list[TensorVariable], list[Variable]]:
             # Joining all variables takes as long as the comparison of expressions.
-            point = {name: np.zeros(shape) for name, shape in shapes.items()}
-            return _of_a_batch(*join_nonshared_inputs(point, outputs, values))
+            zeros = {name: np.zeros(shape) for name, shape in shapes.items()}
+            joined, point = join_nonshared_inputs(zeros, outputs, values)
+            # A particle with impossible parameters is impossible by itself. PyMC's checks, once
+            # vectorised, would refuse all particles.
+            graph = FunctionGraph(outputs=joined, clone=False)
+            in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
+            particles = pt.matrix("particles", dtype=point.dtype)
+            batched = vectorize_graph(list(graph.outputs), {point: particles})
+            # An output that no variable enters is one number for all particles.
+            size = (particles.shape[0],)
+            return [particles], [v if v.type.ndim else pt.broadcast_to(v, size) for v in batched]
 
         key = *shapes.values(), str(compile_kwargs)
         function, shared = _compile(values, outputs, batch, key, **compile_kwargs)
@@ -99,12 +108,8 @@ class BatchedFunction:
         size = self.chunk
         # A proposal may be so wild that its pressures overflow: its score says so.
         with np.errstate(all="ignore"):
-            if len(particles) <= size:
-                return self.function(particles, *values)
-            parts = [
-                self.function(particles[start : start + size], *values)
-                for start in range(0, len(particles), size)
-            ]
+            starts = range(0, len(particles), size) or [0]
+            parts = [self.function(particles[i : i + size], *values) for i in starts]
         return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
 
     @property
@@ -137,22 +142,6 @@ class BatchedFunction:
     def chunk(self) -> int:
         """Number of points that are evaluated in one call; it depends on the data alone."""
         return max(1, min(CHUNK, _CHUNK_NUMBERS // self.data_size))
-
-
-def _of_a_batch(
-    outputs: Sequence[Variable], point: TensorVariable
-) -> tuple[list[TensorVariable], list[Variable]]:
-    """Replace one point by a batch of points, and return the batch and its outputs."""
-    # A particle with impossible parameters is impossible by itself. PyMC's checks, once vectorised,
-    # would refuse all particles.
-    graph = FunctionGraph(outputs=outputs, clone=False)
-    in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
-    batch = pt.matrix("particles", dtype=point.dtype)
-    outputs = vectorize_graph(list(graph.outputs), {point: batch})
-    # An output that no variable enters is one number for all particles.
-    return [batch], [
-        out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
-    ]
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
@@ -208,8 +197,14 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
 
     function, shared = _compile([], expressions, batch, ("prior",), mode=IN_NUMPY)
 
+    def value(variable: SharedVariable, rng: np.random.Generator) -> Any:
+        """Value of a shared variable; of a random generator a new one."""
+        if isinstance(variable.type, RandomType):
+            return np.random.default_rng(rng.integers(2**63))
+        return variable.get_value(borrow=True)
+
     def draw(count: int, rng: np.random.Generator) -> list[Array]:
-        return function(count, *(_fresh_value(v, rng) for v in shared))
+        return function(count, *(value(v, rng) for v in shared))
 
     def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
         if at_once:
@@ -226,11 +221,9 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
 @without_traces
 def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
     """Draws of the free variables, along the first axis, on their unconstrained scales."""
-    outputs = []
-    for rv in model.free_RVs:
-        transform = model.rvs_to_transforms[rv]
-        # A bound may depend on other variables.
-        outputs.append(transform.forward(rv, *rv.owner.inputs) if transform else rv)
+    transforms = [(rv, model.rvs_to_transforms[rv]) for rv in model.free_RVs]
+    # A bound may depend on other variables.
+    outputs = [of.forward(rv, *rv.owner.inputs) if of else rv for rv, of in transforms]
     # Draws come in single precision too.
     draws = {rv: pt.tensor(dtype="float64", shape=(None, *rv.type.shape)) for rv in model.free_RVs}
     inputs, outputs = [*draws.values()], vectorize_graph(outputs, draws)
@@ -265,13 +258,6 @@ def _compile(
             **options,
         )
     return _compiled[key], shared
-
-
-def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:
-    """Value of a shared variable; of a random generator a new one."""
-    if isinstance(variable.type, RandomType):
-        return np.random.default_rng(rng.integers(2**63))
-    return variable.get_value(borrow=True)
 
 
 def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Variable]:

@@ -19,7 +19,7 @@ from pymc_hyperelastic.evidence.convergence import (
     effective_size,
 )
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
-from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
+from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.proposal import fitted_proposal
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.evidence.unconstrained import (
@@ -193,11 +193,16 @@ def bridged(
         this, others = parts == part, parts != part
         effective = effective_size(log_density[others])
         mixture = fitted_proposal(draws[others], effective, mixtures, rng)
-        warped = proposal in ("auto", "warped") and len(mixture.means) == 1
-        ratios = _log_ratios(
-            density, mixture, warped, draws[this], log_density[this], -(-size // count), rng
-        )
-        bridges.append(_bridge(*ratios))
+        proposed = mixture.draw(-(-size // count), rng)
+        at_drawn, at_proposed = log_density[this], density(proposed)
+        if proposal in ("auto", "warped") and len(mixture.means) == 1:
+            # Half of the posterior, and half of its mirror image.
+            centre = 2 * mixture.means[0]
+            at_drawn = np.logaddexp(at_drawn, density(centre - draws[this])) - np.log(2)
+            at_proposed = np.logaddexp(at_proposed, density(centre - proposed)) - np.log(2)
+        of_proposal = mixture.log_density(draws[this].reshape(-1, draws.shape[2]))
+        at_drawn = at_drawn - of_proposal.reshape(at_drawn.shape)
+        bridges.append(_bridge(at_drawn, at_proposed - mixture.log_density(proposed)))
     estimate = combine_chains(
         np.array([b.log_evidence for b in bridges]), np.sqrt([b.variance for b in bridges])
     )
@@ -233,27 +238,6 @@ def _halves(values: Array) -> Array:
     return np.concatenate([values[:, :middle], values[:, -middle:]])
 
 
-def _log_ratios(
-    density: Callable[[Array], Array],
-    mixture: GaussianMixture,
-    warped: bool,
-    draws: Array,
-    log_density: Array,
-    size: int,
-    rng: np.random.Generator,
-) -> tuple[Array, Array]:
-    """``ln q/g`` at draws of the posterior, by (chain, draw), and at draws of the proposal."""
-    proposed = mixture.draw(size, rng)
-    at_proposed = density(proposed)
-    if warped:  # half of itself, and half of its mirror image
-        centre = 2 * mixture.means[0]
-        log_density = np.logaddexp(log_density, density(centre - draws)) - np.log(2)
-        at_proposed = np.logaddexp(at_proposed, density(centre - proposed)) - np.log(2)
-    flat = draws.reshape(-1, draws.shape[-1])
-    log_density = log_density - mixture.log_density(flat).reshape(log_density.shape)
-    return log_density, at_proposed - mixture.log_density(proposed)
-
-
 class _Bridge(NamedTuple):
     """The evidence from one part of the draws."""
 
@@ -265,7 +249,7 @@ class _Bridge(NamedTuple):
 
 
 def _bridge(drawn: Array, proposed: Array) -> _Bridge:
-    """Evidence from ``ln q/g`` at draws of both.
+    """Evidence from ``ln q/g`` at draws of the posterior, (chain, draw), and of the proposal.
 
     With ``c = ln (Z n₂/n₁)`` a draw is from the posterior with the probability
     ``1/(1 + e^{c - ln q/g})``, and as many effective draws of either are taken for the other.
@@ -298,7 +282,7 @@ def _bridge(drawn: Array, proposed: Array) -> _Bridge:
 
 
 def _relative_variance(values: Array, size: float) -> float:
-    """Return the relative variance of a mean of independent values."""
+    """Return the relative variance of the mean of values of which `size` are independent."""
     mean = values.mean()
     return float((values / mean).var() / size) if mean > 0 else np.inf
 

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -26,11 +26,6 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel import one_thread
-
-# Expected counts in a bin, at least: the chi-square distribution of the test is an approximation.
-_LEAST_EXPECTED = 10
-# Bins, at most: a wrong posterior shifts many ranks a little, which few bins show better.
-_MOST_BINS = 20
 
 
 @one_thread
@@ -151,7 +146,8 @@ def simulation_based_calibration(
     simulated = {v.name: np.asarray(x) for v, x in zip(variables, drawn, strict=True)}
     _check_simulated(model, simulated, names)
 
-    compare = _Comparison(model, names, simulated, ranked_draws, draws=draws, **kernel_settings)
+    truth = side_by_side([simulated[name] for name in names])
+    compare = _comparison(model, names, simulated, truth, ranked_draws, draws, kernel_settings)
 
     def manifest() -> dict[str, Any]:
         arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
@@ -168,7 +164,7 @@ def simulation_based_calibration(
     bins = _number_of_bins(len(rank), ranked_draws)
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
     calibration = compared.assign(
-        truth=(("simulation", "parameter"), compare.truth[: len(rank)]),
+        truth=(("simulation", "parameter"), truth[: len(rank)]),
         p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
     ).assign_coords(
         simulation=range(len(rank)),
@@ -218,55 +214,58 @@ def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: l
             )
 
 
-class _Comparison:
-    """Rank simulated parameters among draws of their posterior, by a model compiled once."""
+def _comparison(
+    model: pm.Model,
+    names: Sequence[str],
+    simulated: dict[str, Array],
+    truth: Array,
+    ranked_draws: int,
+    draws: int,
+    kernel_settings: dict[str, Any],
+) -> Callable[[int, int], xr.Dataset]:
+    """Return a function of a simulation and a seed, by a model that is compiled once.
 
-    def __init__(
-        self,
-        model: pm.Model,
-        names: Sequence[str],
-        simulated: dict[str, Array],
-        ranked_draws: int,
-        **settings: Any,
-    ) -> None:
-        self.truth = side_by_side([simulated[name] for name in names])
-        self._simulated, self._ranked_draws = simulated, ranked_draws
-        self._data = {
-            v.name: pytensor.shared(simulated[v.name][0], shape=simulated[v.name].shape[1:])
-            for v in model.observed_RVs
-        }
-        conditioned = pm.observe(model, self._data)
-        self._kernel = BatchedSMC(model=conditioned, **settings)
-        ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
-        self._constrain = BatchedFunction.of_model(conditioned, ranked)
+    It returns the ranks of true parameters among draws of their posterior, and its mean and sd.
+    """
+    data = {
+        v.name: pytensor.shared(simulated[v.name][0], shape=simulated[v.name].shape[1:])
+        for v in model.observed_RVs
+    }
+    conditioned = pm.observe(model, data)
+    kernel = BatchedSMC(draws, model=conditioned, **kernel_settings)
+    ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
+    constrain = BatchedFunction.of_model(conditioned, ranked)
 
-    def __call__(self, simulation: int, seed: int) -> xr.Dataset:
-        """Return the rank of the parameters of one simulation, with the mean and sd of draws."""
+    def compare(simulation: int, seed: int) -> xr.Dataset:
         rng = np.random.default_rng(seed)
-        for name, shared in self._data.items():
-            shared.set_value(self._simulated[name][simulation])
+        for name, shared in data.items():
+            shared.set_value(simulated[name][simulation])
         try:
-            self._kernel.find_reference(rng)
-            self._kernel.temper(None, rng)
+            kernel.find_reference(rng)
+            kernel.temper(None, rng)
         except ValueError as error:
             raise ValueError(f"simulation {simulation}: {error}") from error
-        draws = side_by_side(self._constrain(self._kernel.tempered_posterior))
+        draws = side_by_side(constrain(kernel.tempered_posterior))
         if not np.isfinite(draws).all():
             raise ValueError(
                 f"simulation {simulation}: the posterior has draws that are not finite, which have "
                 "no rank: choose other variables by var_names"
             )
-        some = rng.permutation(draws)[: self._ranked_draws]
         found = {
-            "rank": _rank(self.truth[simulation], some, rng),
+            "rank": _rank(truth[simulation], rng.permutation(draws)[:ranked_draws], rng),
             "posterior_mean": draws.mean(axis=0),
             "posterior_sd": draws.std(axis=0, ddof=1),
         }
         return xr.Dataset({name: ("parameter", values) for name, values in found.items()})
 
+    return compare
+
 
 def _compared(
-    compare: _Comparison, seeds: Sequence[int], progressbar: bool, remember: Remember
+    compare: Callable[[int, int], xr.Dataset],
+    seeds: Sequence[int],
+    progressbar: bool,
+    remember: Remember,
 ) -> xr.Dataset:
     """Compare all simulations; after an interrupt return the complete simulations."""
     complete: list[xr.Dataset] = []
@@ -293,8 +292,12 @@ def _rank(truth: Array, posterior: Array, rng: np.random.Generator) -> NDArray[n
 
 
 def _number_of_bins(simulations: int, ranked_draws: int) -> int:
-    """Largest number of equal bins in which enough ranks are expected."""
-    most = min(max(simulations // _LEAST_EXPECTED, 1), _MOST_BINS)
+    """Largest number of equal bins, up to 20, in which ten ranks or more are expected.
+
+    With fewer ranks the distribution of the test is not that of chi-square; a wrong posterior
+    shifts many ranks a little, which few bins show better.
+    """
+    most = min(max(simulations // 10, 1), 20)
     return max(n for n in range(1, most + 1) if (ranked_draws + 1) % n == 0)
 
 

@@ -18,8 +18,6 @@ FEWEST_EFFECTIVE = 40
 # Digits to which numbers are rounded before the worst one is named, so that the first of several
 # equal ones is named.
 DIGITS = 6
-# Quantiles whose effective draws are those of the tails (Vehtari et al. 2021).
-_TAILS = (0.05, 0.95)
 # Share of divergent transitions, at most: with more, NUTS missed a fifth of the mass in the neck of
 # a hierarchy; with fewer it missed no mass.
 _MOST_DIVERGENT = 0.001
@@ -55,7 +53,8 @@ def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list
     axes = {"chain_axis": 0, "draw_axis": 1}
     with np.errstate(all="ignore"):
         bulk = array_stats.ess(values, method="bulk", **axes)
-        tail = array_stats.ess(values, method="tail", prob=_TAILS, **axes)
+        # The tails of Vehtari et al. (2021).
+        tail = array_stats.ess(values, method="tail", prob=(0.05, 0.95), **axes)
     effective = np.nan_to_num(np.minimum(bulk, tail))
     if effective.min() < FEWEST_EFFECTIVE:
         worst = names[effective.round(DIGITS).argmin()]

@@ -31,24 +31,27 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.
 _NATS = 0.3
-# R-hat from which chains have certainly not met the same posterior: chosen by experiment.
-_APART_RHAT = 1.2
-# Fraction of the first particles with descendants below which a chain is doubtful.
-_FEW_ANCESTORS = 0.03
-# The same, below which it is not to be trusted.
-_TOO_FEW_ANCESTORS = 0.01
-# The same, above which it does not matter how far particles have moved.
+# Fraction of the first particles with descendants above which it does not matter how far particles
+# have moved.
 _MANY_ANCESTORS = 0.15
-# Fraction of stages at which particles moved too little, or of the posterior within 1 % of a limit
-# of a prior, above which it is doubted: the majority.
-_MAJORITY = 0.5
-# Largest share of other particles where the reference has too few draws, for a good evidence. Few
-# particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
-# right models have 0.02, heavy tails 0.08 to 0.13: they are doubted in vain.
-_MOST_UNMET = 0.01
-# Share of other particles, or of the posterior at bounds, above which an evidence is not to be
-# trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
-_MOST_MISSING = 0.2
+# The largest value of each check that is good, and the largest that is doubtful; of "ancestors" the
+# smallest values.
+_LIMITS = {
+    # From 1.2 chains have certainly not met the same posterior: chosen by experiment.
+    "R-hat": (LARGEST_RHAT, 1.2),
+    # The majority: of the stages at which particles moved too little.
+    "moves": (0.5, 1.0),
+    "ancestors": (0.03, 0.01),
+    "weights": (LARGEST_RELIABLE_K, np.finfo(float).max),
+    # Few particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats.
+    # Some right models have 0.02, heavy tails 0.08 to 0.13: they are doubted in vain. Three change
+    # points, of whose six modes some were missing, had 0.3 to 1 in most runs.
+    "search": (0.01, 0.2),
+    # The same share may be missing.
+    "bounds": (0.2, 0.2),
+    # The majority: of the posterior.
+    "limits": (0.5, 1.0),
+}
 _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
@@ -184,6 +187,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     return _as_dataset(checks)
 
 
+def _check(name: str, value: float, words: str) -> Check:
+    return check_small(name, value, *_LIMITS[name], words)
+
+
 def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
     """Compare how far particles moved, how many ancestors they have, and their weights."""
     checks = []
@@ -191,18 +198,18 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         alive = float(np.min(evidence["ancestor_fraction"]))
         share = float(np.mean(evidence["stages_capped"]))
         # If most of the first particles are left, it does not matter how far they have moved.
-        limit = 1.0 if alive > _MANY_ANCESTORS else _MAJORITY
+        limit, most = _LIMITS["moves"]
+        limit = most if alive > _MANY_ANCESTORS else limit
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
-        checks.append(check_small("moves", share, limit, 1.0, words))
+        checks.append(check_small("moves", share, limit, most, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
-        few = DOUBTFUL if alive >= _TOO_FEW_ANCESTORS else BAD
-        verdict = GOOD if alive >= _FEW_ANCESTORS else few
-        checks.append(Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
+        few, too_few = _LIMITS["ancestors"]
+        verdict = GOOD if alive >= few else DOUBTFUL if alive >= too_few else BAD
+        checks.append(Check("ancestors", alive, few, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
-        largest = np.finfo(float).max
-        checks.append(check_small("weights", shape, LARGEST_RELIABLE_K, largest, words))
+        checks.append(_check("weights", shape, words))
     return checks
 
 
@@ -223,14 +230,14 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
             f"{share:.0%} of other particles, led from the prior alone, are where chains began "
             "with hardly any: a mode may be missing"
         )
-        checks.append(check_small("search", share, _MOST_UNMET, _MOST_MISSING, words))
+        checks.append(_check("search", share, words))
     if "at_bounds" in evidence:
         share = float(np.nan_to_num(np.exp(evidence["at_bounds"] - total.value)))
         words = (
             f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
             "prior, and may be missing: give a prior with less mass at its bounds"
         )
-        checks.append(check_small("bounds", share, _MOST_MISSING, _MOST_MISSING, words))
+        checks.append(_check("bounds", share, words))
     return checks
 
 
@@ -244,7 +251,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
         "look for an error in the data"
     )
-    return [check_small("limits", share, _MAJORITY, 1.0, words)]
+    return [_check("limits", share, words)]
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
@@ -303,7 +310,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
             names += columns[-1].shape[2] * [name]
         rhat, worst = largest_rhat(names, np.concatenate(columns, axis=2))
         words = f"chains met different parts of the posterior: R-hat of {worst} {rhat:.2f}"
-        checks.append(check_small("R-hat", rhat, LARGEST_RHAT, _APART_RHAT, words))
+        checks.append(_check("R-hat", rhat, words))
     return checks
 
 

@@ -8,10 +8,6 @@ from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# Probability below which the spread of chains refutes their errors; else the errors count, since
-# the spread of a few chains is a poor estimate.
-_CHANCE = 0.01
-
 
 class Estimate(NamedTuple):
     """A number with its standard error; ``float(estimate)`` is the number.
@@ -41,9 +37,12 @@ class Estimate(NamedTuple):
 
 
 def largest_spread(standard_errors: Array) -> float:
-    """Return the sd of log evidences with these errors that chance exceeds once in 100 times."""
+    """Return the sd of log evidences with these errors that chance exceeds once in 100 times.
+
+    Only a larger sd refutes the errors: the sd of a few chains is itself poorly known.
+    """
     more = len(standard_errors) - 1
-    return float(np.sqrt(np.mean(np.square(standard_errors)) * chi2.isf(_CHANCE, more) / more))
+    return float(np.sqrt(np.mean(np.square(standard_errors)) * chi2.isf(0.01, more) / more))
 
 
 def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:

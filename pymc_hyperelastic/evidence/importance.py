@@ -31,8 +31,6 @@ MOST_UNKNOWNS = 24
 STEP_DRAWS = 4000
 # Draws of all steps of adaptation together, and of one round, at most.
 _MOST_DRAWS = 100_000
-# Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
-PRIOR_SHARE = 0.1
 # Standard error, in nats, with which a log integral is accurate enough.
 LARGEST_ERROR = 0.03
 
@@ -162,7 +160,7 @@ def weighted_draws(
     draw_prior: DrawPrior | None = None,
 ) -> tuple[Array, Array]:
     """Return draws of a proposal, some of the prior if it can be drawn from, and log weights."""
-    reference = Reference(proposal, PRIOR_SHARE if draw_prior else 0.0)
+    reference = Reference(proposal) if draw_prior else Reference(proposal, 0.0)
     points = reference.draw(draw_prior, draws, rng)
     prior, likelihood = score(points)
     log_weights = prior + likelihood - reference.log_density(points, prior)

@@ -29,21 +29,18 @@ from pymc_hyperelastic.evidence.mixture import Array
 
 
 @node_rewriter([Elemwise])
-def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """``ln(1 + e^x)``, in the transform of every bounded variable, is a Python loop otherwise."""
-    if not isinstance(node.op.scalar_op, Softplus):
-        return None
-    x = node.inputs[0]
-    return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
+def _scalars_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """``ln(1 + e^x)``, in the transform of every bounded variable, and clipping are loops else.
 
-
-@node_rewriter([Elemwise])
-def _clip_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """It is a Python loop too, since NumPy's takes bounds otherwise that are in the wrong order."""
-    if not isinstance(node.op.scalar_op, Clip):
-        return None
-    x, low, high = node.inputs
-    return [pt.switch(x < low, low, pt.minimum(x, high)).astype(node.outputs[0].dtype)]
+    NumPy's own ``clip`` takes bounds otherwise that are in the wrong order.
+    """
+    if isinstance(node.op.scalar_op, Softplus):
+        x = node.inputs[0]
+        return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
+    if isinstance(node.op.scalar_op, Clip):
+        x, low, high = node.inputs
+        return [pt.switch(x < low, low, pt.minimum(x, high)).astype(node.outputs[0].dtype)]
+    return None
 
 
 @node_rewriter([Blockwise])
@@ -105,16 +102,6 @@ def _fold(function: Callable[..., Any], *values: Any) -> Any:
     return reduce(function, sorted(values, key=np.size))
 
 
-@node_rewriter([Blockwise])
-def _eigenvalues_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """Eigenvalues and eigenvectors of symmetric matrices are a Python loop otherwise."""
-    if not isinstance(node.op.core_op, Eigh) or not node.op.core_op.lower:
-        return None
-    result = node.outputs[1].type
-    both = _NumpyCall(_eigh, result.clone(shape=(None,) * result.ndim))(*node.inputs)
-    return [both[..., 0, :], both[..., 1:, :]]
-
-
 def _eigh(matrices: Array) -> Array:
     """Return eigenvalues in the first row, eigenvectors in columns below; NaN if not finite."""
     finite = np.isfinite(matrices).all(axis=(-2, -1))[..., None, None]
@@ -123,9 +110,12 @@ def _eigh(matrices: Array) -> Array:
 
 
 @node_rewriter([Blockwise])
-def _triangles_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """Cholesky factors and triangular solves are a Python loop otherwise."""
-    core, result = node.op.core_op, node.outputs[0].type
+def _matrices_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Eigenvalues, Cholesky factors and triangular solves are Python loops otherwise."""
+    core, result = node.op.core_op, node.outputs[-1].type
+    if isinstance(core, Eigh) and core.lower:
+        both = _NumpyCall(_eigh, result.clone(shape=(None,) * result.ndim))(*node.inputs)
+        return [both[..., 0, :], both[..., 1:, :]]
     if result.dtype != "float64":
         return None
     if isinstance(core, Cholesky) and core.lower:
@@ -174,7 +164,7 @@ IN_NUMPY = (
     Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
     .register((dfs_rewriter(_batch_of_graphs), 1.9))
     .register((dfs_rewriter(_batch_of_splits), 97))
-    .register((dfs_rewriter(_triangles_by_numpy, _eigenvalues_by_numpy), 98))
-    .register((dfs_rewriter(_softplus_in_numpy, _clip_in_numpy), 99))
+    .register((dfs_rewriter(_matrices_by_numpy), 98))
+    .register((dfs_rewriter(_scalars_in_numpy), 99))
     .register((dfs_rewriter(_elementwise_by_numpy), 100))
 )

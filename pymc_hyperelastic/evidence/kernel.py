@@ -12,13 +12,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target, check_possible
-from pymc_hyperelastic.evidence.tempering import (
-    FORGET,
-    MAX_MOVES,
-    MOST_CAPPED,
-    THRESHOLD,
-    TemperedSMC,
-)
+from pymc_hyperelastic.evidence.tempering import MOST_CAPPED, Settings, TemperedSMC
 
 # Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
@@ -92,7 +86,7 @@ class BatchedSMC(SMC_KERNEL):
     summed over the initial particles ``e`` and, inside, over all stages.
 
     The ``effective_sample_size`` of a stage is that of all places visited; it may exceed the number
-    of particles. Scores that are NaN count as ``−inf``; ``nan_scores`` is their number.
+    of particles. Scores that are NaN count as ``−inf``; ``nan_scores`` is their number so far.
 
     References
     ----------
@@ -131,13 +125,13 @@ class BatchedSMC(SMC_KERNEL):
         start: dict[str, Array] | None = None,
         model: pm.Model | None = None,
         random_seed: Any = None,
-        threshold: float = THRESHOLD,
+        threshold: float = Settings.threshold,
         compile_kwargs: dict | None = None,
         *,
         tempered: Sequence[str] | None = None,
         from_modes: bool | None = None,
-        forget: float = FORGET,
-        max_moves: int = MAX_MOVES,
+        forget: float = Settings.forget,
+        max_moves: int = Settings.max_moves,
     ) -> None:
         # The base class, which is not called, would compile functions that score one particle.
         check_fraction("forget", forget)
@@ -156,8 +150,7 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.draws, self.start = draws, start
-        self.settings: dict[str, Any]
-        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
+        self.settings = Settings(threshold, forget, max_moves, MOST_CAPPED)
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
@@ -192,13 +185,10 @@ class BatchedSMC(SMC_KERNEL):
         """Run one chain and return the statistics of its stages; `report` is called with each."""
         self.initialize(start, rng)
         stages: list[dict[str, float]] = []
-
-        def after_stage() -> None:
-            stages.append(self.sample_stats())
+        while self.beta < 1:
+            self.update_beta_and_weights()
+            stages.append(self.step())
             report(stages)
-
-        self.tempering.run(after_stage)
-        self._read()
         return stages
 
     def _initialize_kernel(self) -> None:
@@ -218,10 +208,10 @@ class BatchedSMC(SMC_KERNEL):
         else:
             particles = self.target.draw_prior(self.draws, self.rng)
         self.draws = len(particles)
-        path, settings = GeometricPath(self.target, reference), self.settings
-        self.tempering = TemperedSMC(path, particles, self.rng, most_capped=MOST_CAPPED, **settings)
-        self._nan_before, nan_count = 0, self.tempering.path.nan_count
-        check_possible(self.tempering.possible, nan_count, f"the {self.draws} initial particles")
+        path = GeometricPath(self.target, reference)
+        self.tempering = TemperedSMC(path, particles, self.rng, self.settings)
+        points = f"the {self.draws} initial particles"
+        check_possible(self.tempering.possible, path.nan_count, points)
         self._read()
 
     def update_beta_and_weights(self) -> None:
@@ -240,7 +230,6 @@ class BatchedSMC(SMC_KERNEL):
 
     def mutate(self) -> None:
         """Move the particles until they have forgotten their places."""
-        self._nan_before = self.tempering.path.nan_count
         self.tempering.move()
         self._read()
 
@@ -263,9 +252,10 @@ class BatchedSMC(SMC_KERNEL):
             "capped": int(tempering.stage_capped),
             "ancestors": tempering.ancestors,
             "pareto_k": tempering.pareto_k,
-            "nan_scores": tempering.path.nan_count - self._nan_before,
+            "nan_scores": tempering.path.nan_count,
         }
 
     def sample_settings(self) -> dict[str, float]:
         """Settings of the run."""
-        return {"_n_draws": self.draws, "from_modes": int(self.from_modes), **self.settings}
+        own = {name: getattr(self.settings, name) for name in ("threshold", "forget", "max_moves")}
+        return {"_n_draws": self.draws, "from_modes": int(self.from_modes), **own}

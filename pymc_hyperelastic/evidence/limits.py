@@ -13,8 +13,6 @@ from scipy.special import expit
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# Part of the width of a prior that is counted as its limit.
-_NEAR = 0.01
 # Share of the posterior that is nearer to the limit than a tenth of the median: 0.05 to 0.07 of one
 # that is pressed against it, less of one that ends before it, as of a true value that is near.
 _PRESSED = 0.03
@@ -54,6 +52,6 @@ def mass_at_limits(model: pm.Model, unconstrained: Mapping[str, Array]) -> xr.Da
 
 
 def _share_at_end(distance: Array) -> float:
-    """Share of the posterior near an end of the prior, of distances in widths of the prior."""
+    """Share of the posterior within 1 % of an end of the prior, of distances in its widths."""
     pressed = np.mean(distance <= np.median(distance) / 10) > _PRESSED
-    return float(np.mean(distance < _NEAR)) if pressed else 0.0
+    return float(np.mean(distance < 0.01)) if pressed else 0.0

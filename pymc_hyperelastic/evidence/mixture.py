@@ -52,20 +52,17 @@ class GaussianMixture:
             keep = responsibilities.sum(axis=0) > points.shape[1] + 1
             if not keep.any():
                 responsibilities, keep = np.ones((len(points), 1)), np.array([True])
-            mixture = cls._from_responsibilities(points, responsibilities[:, keep])
+            responsibilities = responsibilities[:, keep]
+            counts = responsibilities.sum(axis=0)
+            means = responsibilities.T @ points / counts[:, None]
+            centred = points.T - means[..., None]
+            weighted = responsibilities.T[:, None] * centred
+            covariances = weighted @ centred.mT / counts[:, None, None]
+            floor = np.diag(variance_floor(points.var(axis=0)))
+            factors = np.linalg.cholesky(covariances + floor)
+            mixture = cls(np.log(counts / counts.sum()), means, factors)
         assert mixture is not None
         return mixture
-
-    @classmethod
-    def _from_responsibilities(cls, points: Array, responsibilities: Array) -> "GaussianMixture":
-        counts = responsibilities.sum(axis=0)
-        means = responsibilities.T @ points / counts[:, None]
-        centred = points.T - means[..., None]
-        weighted = responsibilities.T[:, None] * centred
-        covariances = weighted @ centred.mT / counts[:, None, None]
-        floor = np.diag(variance_floor(points.var(axis=0)))
-        factors = np.linalg.cholesky(covariances + floor)
-        return cls(np.log(counts / counts.sum()), means, factors)
 
     @property
     def covariances(self) -> Array:

@@ -8,17 +8,6 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
 
-# Spread of the lengths of steps, as the sd of their logarithm: a length that suits the bulk is too
-# long in the neck of a funnel. Chosen by experiment.
-_SPREAD = 1.0
-# Acceptance rate to which the length of random steps is adapted: between the optimal 0.23 in many
-# dimensions and 0.44 in one (Roberts and Rosenthal 2001).
-_WALK_RATE = 0.3
-# Acceptance rate to which the length of Hamiltonian steps is adapted (Beskos et al. 2013).
-_HAMILTONIAN_RATE = 0.65
-# Largest number of leapfrog steps of one move.
-_MOST_LEAPFROG_STEPS = 10
-
 
 class Proposed(NamedTuple):
     """Where particles may move."""
@@ -46,7 +35,14 @@ class Move:
 
 
 class RandomWalkMove(Move):
-    """Random steps with the covariance of the component that a particle is drawn to belong to."""
+    """Random steps with the covariance of the component that a particle is drawn to belong to.
+
+    Lengths are log-normal: one that suits the bulk is too long in the neck of a funnel.
+    """
+
+    # Between the optimal acceptance rate of 0.23 in many dimensions and that of 0.44 in one
+    # (Roberts and Rosenthal 2001).
+    best_rate = 0.3
 
     def __init__(self, dimension: int) -> None:
         self._length = 1 / np.sqrt(dimension)
@@ -57,20 +53,23 @@ class RandomWalkMove(Move):
         """Propose a new place for each point."""
         component, here = _draw_components(terms, rng)
         steps = mixture.draw_steps(component, rng)
-        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(size=(len(points), 1))
         return _proposed(points + lengths * steps, component, here, mixture)
 
     def adapt(self, rate: float) -> None:
         """Lengthen steps that are accepted too often, shorten others."""
-        self._length *= np.exp(rate - _WALK_RATE)
+        self._length *= np.exp(rate - self.best_rate)
 
 
 class HamiltonianMove(Move):
-    """Hamiltonian Monte Carlo with the covariance of a component.
+    """Hamiltonian Monte Carlo with the covariance of a component, and log-normal lengths of steps.
 
     The gradient may be that of another, cheaper density: it decides where a move ends, and not
     whether it is accepted.
     """
+
+    best_rate = 0.65  # the optimal acceptance rate (Beskos et al. 2013)
+    most_steps = 10
 
     def __init__(self, dimension: int, gradient: Callable[[Array], Array]) -> None:
         self._length, self._gradient = dimension**-0.25, gradient
@@ -80,12 +79,12 @@ class HamiltonianMove(Move):
     ) -> Proposed:
         """Propose a new place for each point, by leapfrog steps."""
         component, here = _draw_components(terms, rng)
-        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(size=(len(points), 1))
         momentum = rng.standard_normal(points.shape)
         energy = (momentum**2).sum(axis=1) / 2
         place, step = points, mixture.steps
         kick = lengths / 2 * step(component, self._gradient(place), transposed=True)
-        for _ in range(rng.integers(1, _MOST_LEAPFROG_STEPS, endpoint=True)):
+        for _ in range(rng.integers(1, self.most_steps, endpoint=True)):
             momentum = momentum + kick
             place = place + lengths * step(component, momentum)
             kick = lengths / 2 * step(component, self._gradient(place), transposed=True)
@@ -97,7 +96,7 @@ class HamiltonianMove(Move):
 
     def adapt(self, rate: float) -> None:
         """Lengthen steps that are accepted too often, shorten others."""
-        self._length *= np.exp((rate - _HAMILTONIAN_RATE) / 2)
+        self._length *= np.exp((rate - self.best_rate) / 2)
 
 
 def _draw_components(terms: Array, rng: np.random.Generator) -> tuple[NDArray[np.intp], Array]:

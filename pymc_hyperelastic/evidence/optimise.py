@@ -16,8 +16,6 @@ _GRADIENT_TOLERANCE = 0.005
 _STEPS_PER_UNKNOWN = 25
 # Steps of one optimisation, at most: a density without bound has no maximum.
 _MOST_STEPS = 300
-# Factor of the damping after a rejected step, and divisor after an accepted one (Marquardt).
-_DAMPING_FACTOR = 10.0
 
 
 class Maxima(NamedTuple):
@@ -68,7 +66,7 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
         step = np.linalg.solve(damped, gradient[own, :, None])[..., 0]
         new_value, new_gradient, known = evaluate(x[own] + step, local[own])
         accept = new_value > value[own]
-        damping[own] *= np.where(accept, 1 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+        damping[own] *= np.where(accept, 0.1, 10.0)  # the factors of Marquardt
         # A step that is rounded to nothing ends an optimisation, as at a cliff.
         moving[own] = (x[own] + step != x[own]).any(axis=1)
 

@@ -15,9 +15,9 @@ class Reference:
 
     mixture: GaussianMixture
     """With heavy tails."""
-    prior_share: float
+    prior_share: float = 0.1
     """Share of the prior: weights are bounded if the likelihood is, also where the mixture has no
-    mass."""
+    mass (Owen and Zhou 2000)."""
 
     def draw(self, draw_prior: DrawPrior | None, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""

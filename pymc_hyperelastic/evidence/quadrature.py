@@ -83,10 +83,10 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
     edges = _divided_box(particles, mixture, density)
     cells = list(product(*(pairwise(axis) for axis in edges)))
     expected = np.exp(kernel.log_marginal_likelihood - peak)
+    atol = rtol * expected / len(cells)
     total, error = 0.0, 0.0
     for cell in cells:
-        low, high = np.transpose(cell)
-        part = cubature(density, low, high, rtol=rtol, atol=rtol * expected / len(cells))
+        part = cubature(density, *np.transpose(cell), rtol=rtol, atol=atol)
         total += float(part.estimate)
         error += float(part.error)
     return Estimate(float(np.log(total) + peak), error / total)

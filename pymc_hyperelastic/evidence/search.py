@@ -7,17 +7,12 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.checks import check_repeatable
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import (
-    LARGEST_PARETO_K,
-    PRIOR_SHARE,
-    mean_weight,
-    weighted_draws,
-)
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K, mean_weight, weighted_draws
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import Modes, find_modes, starting_points
 from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
-from pymc_hyperelastic.evidence.tempering import HASTY_MOVES, TemperedSMC
+from pymc_hyperelastic.evidence.tempering import HASTY, TemperedSMC
 
 # Particles of the search for each unknown: tempered from the first reference, and drawn from the
 # prior and the modes. Half as many are tempered from the prior.
@@ -74,14 +69,14 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         mixture = mixture.joined(modes.mixture)
         _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), size, rng)
         at_modes, at_modes_k = mean_weight(log_weights)
-    first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    first = Reference(mixture.heavy_tailed())
     particles = first.draw(target.draw_prior, size, rng)
-    found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=HASTY_MOVES).run()
+    found = TemperedSMC(GeometricPath(target, first), particles, rng, HASTY).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    reference = Reference(mixture.heavy_tailed())
     evidence = xr.Dataset(
         {
             "forward": forward.log_evidence + share.value,
@@ -93,8 +88,12 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         }
     )
     if checked and target.dimension > _FEW_UNKNOWNS:
+        # Chains that all start from a reference without some mode agree with each other too.
         others = _tempered(prior[::-1], size // 2, target, rng).particles
-        evidence["unmet"] = _unmet(target, reference, found.log_evidence, others)
+        log_prior, log_likelihood = target.score(others)
+        log_posterior = log_prior + log_likelihood - found.log_evidence
+        lacking = log_posterior - reference.log_density(others, log_prior)
+        evidence["unmet"] = float(np.mean(lacking > _LACKING))
     if checked:
         evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
     return Search(reference, evidence)
@@ -126,36 +125,22 @@ def _possible_draws(
 def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
     particles = np.resize(prior, (count, target.dimension))
-    return TemperedSMC(GeometricPath(target), particles, rng, max_moves=HASTY_MOVES).run()
+    return TemperedSMC(GeometricPath(target), particles, rng, HASTY).run()
 
 
 def _modes(
     target: Target, prior: Array, score: Array, forward: TemperedSMC, rng: np.random.Generator
 ) -> Modes | None:
     """Find modes from draws of the prior, and from probes at each stage of tempering."""
-    groups = [*starting_points(prior, score)]
-    probes = [_best_probe(target, mixture, rng) for mixture in forward.mixtures]
-    starts = [np.concatenate(groups[:2]), np.array(probes)]
-    return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
-
-
-def _best_probe(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
-    """Return the draw of a mixture with the largest weight: it may lie in a narrow mode."""
+    groups, best = [*starting_points(prior, score)], []
     probes = min(_PROBES * target.dimension, max(_PROBED_NUMBERS // target.cost(), 1))
-    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
-    return points[np.argmax(log_weights)]
+    for mixture in forward.mixtures:
+        points, log_weights = weighted_draws(target.score, mixture, probes, rng)
+        best.append(points[np.argmax(log_weights)])
+    starts = [np.concatenate(groups[:2]), np.array(best)]
+    return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
 
 
 def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
     """Fit a mixture to all places that particles visited at their last stage."""
     return GaussianMixture.fit(smc.visited, components_for(smc.draws, smc.dimension), rng)
-
-
-def _unmet(target: Target, reference: Reference, log_evidence: float, others: Array) -> float:
-    """Return the share of other particles, tempered from the prior, that the reference lacks.
-
-    Chains that all start from a reference without some mode agree with each other all the same.
-    """
-    prior, likelihood = target.score(others)
-    lacking = prior + likelihood - log_evidence - reference.log_density(others, prior)
-    return float(np.mean(lacking > _LACKING))

@@ -126,21 +126,20 @@ def run_smc(
     variables = [v for v in model.unobserved_RVs if var_names is None or v.name in var_names]
     # Chosen here if it was not given, so that every result can be had again.
     random_seed = seed_sequence(random_seed).entropy
-    first = start[0] if start else None
-    kernel = BatchedSMC(draws=draws, start=first, model=model, **kernel_settings)
+    starts = [None] * chains if start is None else start
+    kernel = BatchedSMC(draws=draws, start=starts[0], model=model, **kernel_settings)
     populations: list[Array] = []
     stats: list[list[dict[str, float]]] = []
     search, *seeds = np.random.SeedSequence(random_seed).spawn(1 + chains)
     with SMCProgressBarManager(kernel, chains, progressbar) as progress:
         if start is None:
             kernel.find_reference(np.random.default_rng(search))
-        for chain, seed in enumerate(seeds):
+        for chain, (begin, seed) in enumerate(zip(starts, seeds, strict=True)):
 
             def show(stages: list[dict[str, float]], chain: int = chain) -> None:
                 betas = [0.0, *(stage["beta"] for stage in stages)]
                 progress.update(chain, len(stages), betas[-1], betas[-2], is_last=betas[-1] == 1)
 
-            begin = start[chain] if start else None
             try:
                 stats.append(kernel.temper(begin, np.random.default_rng(seed), show))
             except KeyboardInterrupt:

@@ -313,8 +313,9 @@ def _tempered(model: pm.Model, names: Sequence[str] | None) -> list[TensorVariab
     known = [term.name for term in terms]
     unknown = sorted(set(names or ()) - set(known))
     if unknown or not terms:
+        lacking = f", not {unknown}" if unknown else ""
         raise ValueError(
-            f"nothing to temper: the model has the observed variables and Potentials {known}"
-            + (f", not {unknown}" if unknown else "")
+            "nothing to temper: the model has the observed variables and Potentials "
+            f"{known}{lacking}"
         )
     return [term for term in terms if names is None or term.name in names]

@@ -1,12 +1,11 @@
 """Waste-free sequential Monte Carlo: lead particles along a path of densities to the posterior."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.moves import HamiltonianMove, Move, RandomWalkMove
 from pymc_hyperelastic.evidence.path import GeometricPath, PathPoints
@@ -17,14 +16,6 @@ from pymc_hyperelastic.evidence.weights import (
     systematic,
 )
 
-# Fraction of the effective sample size that stages keep: the usual value.
-THRESHOLD = 0.5
-# Largest correlation of a variable with its value before at which particles have forgotten it.
-FORGET = 0.1
-# Moves of a stage, at most.
-MAX_MOVES = 50
-# The same for particles that need not be exact, but lead to others.
-HASTY_MOVES = 10
 # Stages at which particles have not forgotten their places, before a chain goes on in haste:
 # posteriors that come out right have had six at most.
 MOST_CAPPED = 6
@@ -32,12 +23,29 @@ MOST_CAPPED = 6
 _FEWEST_MOVES = 4
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How exactly particles follow the path."""
+
+    threshold: float = 0.5
+    """Fraction of the effective sample size that stages keep: the usual value."""
+    forget: float = 0.1
+    """Correlation of a variable with its value before below which particles have forgotten it."""
+    max_moves: int = 50
+    """Moves of a stage, at most."""
+    most_capped: float = np.inf
+    """Stages whose particles have not forgotten their places; then they move once a stage."""
+
+
+# For particles that need not be exact, but lead to others.
+HASTY = Settings(max_moves=10)
+
+
 class TemperedSMC:
     """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
 
-    The particles, (n, d), are draws of the density at `beta`, or near it. After `most_capped`
-    stages whose particles have not forgotten their places they move once a stage, and the variance
-    is infinite. For other settings see :class:`BatchedSMC`.
+    The particles, (n, d), are draws of the density at `beta`, or near it. The variance is infinite
+    if particles have not forgotten their places at more stages than the settings allow.
 
     Attributes
     ----------
@@ -56,16 +64,10 @@ class TemperedSMC:
         path: GeometricPath,
         particles: Array,
         rng: np.random.Generator,
-        *,
+        settings: Settings | None = None,
         beta: float = 0.0,
-        threshold: float = THRESHOLD,
-        forget: float = FORGET,
-        max_moves: int = MAX_MOVES,
-        most_capped: float = np.inf,
     ) -> None:
-        self.path, self.rng = path, rng
-        self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
-        self.most_capped = most_capped
+        self.path, self.rng, self.settings = path, rng, settings or Settings()
         self.draws, self.dimension = particles.shape
         self.beta, self.log_evidence = beta, 0.0
         self.stages = self.capped = self.moves = 0
@@ -75,8 +77,7 @@ class TemperedSMC:
         self.pareto_k = pareto_shape(self._now.log_ratio) if path.reference else np.nan
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
-        self._last_beta = self.beta
-        self._places = self._now
+        self._last_beta, self._places = beta, self._now
         self._before: tuple[PathPoints, float] | None = None
         self.mixtures: list[GaussianMixture] = [path.reference.mixture] if path.reference else []
         self.independent_move = Move()
@@ -86,14 +87,13 @@ class TemperedSMC:
             else RandomWalkMove(self.dimension)
         )
 
-    def run(self, report: Callable[[], None] = no_progress) -> "TemperedSMC":
-        """Lead the particles to the posterior; call `report` after each stage."""
+    def run(self) -> "TemperedSMC":
+        """Lead the particles to the posterior."""
         while self.beta < 1:
             self.reweight()
             self.resample()
             self.adapt()
             self.move()
-            report()
         return self
 
     def stay(self) -> None:
@@ -110,7 +110,7 @@ class TemperedSMC:
     @property
     def variance(self) -> float:
         """Relative variance of the evidence so far."""
-        if self.capped > self.most_capped:
+        if self.capped > self.settings.most_capped:
             return np.inf
         return float(np.sum(self._influence**2)) / self.draws**2
 
@@ -140,7 +140,7 @@ class TemperedSMC:
         """Raise ``β`` as far as the effective sample size allows, and update the evidence."""
         ratio = self._places.log_ratio
         remaining = 1.0 - self.beta
-        threshold = max(self.threshold, self.moves / (self.moves + 5))
+        threshold = max(self.settings.threshold, self.moves / (self.moves + 5))
         step = largest_step(ratio, threshold, remaining)
         self._last_beta = self.beta
         self.beta = 1.0 if step == remaining else self.beta + step
@@ -186,14 +186,15 @@ class TemperedSMC:
         visited = [self._now]
         self._terms = self.mixtures[-1].log_density_of_components(origin)
         rates: list[float] = []
-        most = 1 if self.capped >= self.most_capped else self.max_moves
+        settings = self.settings
+        most = 1 if self.capped >= settings.most_capped else settings.max_moves
         forgotten = False
         while len(rates) < most and not forgotten:
             rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
             visited.append(self._now)
             forgotten = (
                 len(rates) >= _FEWEST_MOVES
-                and _largest_correlation(origin, self.particles) < self.forget
+                and _largest_correlation(origin, self.particles) < settings.forget
             )
         self._places = PathPoints(*(np.concatenate(x) for x in zip(*visited, strict=True)))
         self.stages += 1

@@ -66,8 +66,7 @@ def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:
     if "posterior" not in tree.children:
         raise ValueError(f"the tree has no posterior; its groups are {sorted(tree.children)}")
     posterior = tree["posterior"]
-    lacking = [rv.name for rv in model.free_RVs if rv.name not in posterior.data_vars]
-    if lacking:
+    if lacking := [rv.name for rv in model.free_RVs if rv.name not in posterior.data_vars]:
         raise ValueError(
             f"the posterior lacks {lacking}, free variables of the model; it has "
             f"{list(posterior.data_vars)}: sample without var_names, or with all of them"

@@ -9,8 +9,6 @@ from scipy.optimize import brentq
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# Logarithm of the largest weight over the mean one below which no weight decides.
-_FAR_ABOVE = np.log(10)
 # Range of the largest log weights up to which they count as equal: log densities have rounding
 # errors up to about 1e-9, to which no distribution must be fitted.
 _EQUAL = 1e-6
@@ -71,7 +69,7 @@ def pareto_shape(log_weights: Array) -> float:
         # ArviZ takes the logarithms of what divides.
         shape = float(array_stats.psislw(-finite)[1])
     above_mean = -np.log(np.mean(np.exp(finite - finite.max())))
-    if above_mean < _FAR_ABOVE:
+    if above_mean < np.log(10):
         shape = min(shape, above_mean / np.log(finite.size))
     return shape
 

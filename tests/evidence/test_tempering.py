@@ -18,7 +18,7 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import TemperedSMC
+from pymc_hyperelastic.evidence.tempering import Settings, TemperedSMC
 
 
 @wrap_py([pt.dvector], [pt.dvector])
@@ -88,7 +88,7 @@ def test_first_step_of_tempering():
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
     particles = target.draw_prior(400, rng)
-    tempering = TemperedSMC(GeometricPath(target), particles, rng, threshold=0.6)
+    tempering = TemperedSMC(GeometricPath(target), particles, rng, Settings(threshold=0.6))
     _, log_likelihood = target.score(particles)
 
     def effective(beta):
@@ -135,8 +135,11 @@ def test_particles_move_once_a_stage_after_too_many_stages_without_forgetting():
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
     particles, moves = target.draw_prior(100, rng), []
-    hasty = TemperedSMC(GeometricPath(target), particles, rng, forget=1e-9, most_capped=1)
-    hasty.run(lambda: moves.append(hasty.moves))
+    hasty = TemperedSMC(GeometricPath(target), particles, rng, Settings(forget=1e-9, most_capped=1))
+    while hasty.beta < 1:
+        for step in (hasty.reweight, hasty.resample, hasty.adapt, hasty.move):
+            step()
+        moves.append(hasty.moves)
     assert hasty.capped == hasty.stages > 1 and np.isinf(hasty.variance)
     assert moves == [50] + [1] * (hasty.stages - 1)
     assert np.isfinite(TemperedSMC(GeometricPath(target), particles, rng).run().variance)
