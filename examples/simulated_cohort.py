@@ -56,7 +56,7 @@ DISTRIBUTIONS = {
 def curves(energy: ph.StrainEnergy, **parameters: np.ndarray) -> np.ndarray:
     """Pressures (kPa) at the radii, one row a specimen."""
     columns = {name: value[:, None] for name, value in parameters.items()}
-    return ph.inflation_pressure(energy, RADII, **TUBE, **columns).eval()
+    return ph.inflation_pressure(energy, RADII, ph.Tube(**TUBE), **columns).eval()
 
 
 def curves_of_class(name: str, count: int) -> np.ndarray:
@@ -79,7 +79,9 @@ def measure(pressure: np.ndarray, groups: list[str], prefix: str) -> xr.Dataset:
             "pressure": measured.ravel(),
         }
     )
-    return ph.inflation_data(frame, **TUBE).assign_attrs(title="SIMULATED cohort", simulated=1)
+    return ph.inflation_data(frame, ph.Tube(**TUBE)).assign_attrs(
+        title="SIMULATED cohort", simulated=1
+    )
 
 
 training = {

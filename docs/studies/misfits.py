@@ -64,16 +64,22 @@ def curves(
             known["inner_radius"] * stretch**-0.5, WIDEST * TUBE["inner_radius"], 400
         )
         with np.errstate(over="ignore", invalid="ignore"):
-            pressure = ph.inflation_pressure(energy, grid, **known).eval(mode="FAST_COMPILE")
+            pressure = ph.inflation_pressure(energy, grid, ph.Tube(**known)).eval(
+                mode="FAST_COMPILE"
+            )
         inside = (pressure > 0) & (pressure < HIGHEST)
         if inside.sum() < POINTS:
             return pd.DataFrame()
         radius = np.linspace(*grid[inside][[0, -1]], POINTS)
         test = {
             "radius": radius,
-            "pressure": ph.inflation_pressure(energy, radius, **known).eval(mode="FAST_COMPILE"),
+            "pressure": ph.inflation_pressure(energy, radius, ph.Tube(**known)).eval(
+                mode="FAST_COMPILE"
+            ),
         }
-        test["axial_force"] = ph.axial_force(energy, radius, **known).eval(mode="FAST_COMPILE")
+        test["axial_force"] = ph.axial_force(energy, radius, ph.Tube(**known)).eval(
+            mode="FAST_COMPILE"
+        )
         tests.append(pd.DataFrame(test).assign(experiment=number, axial_stretch=stretch))
     frame = pd.concat(tests, ignore_index=True).assign(specimen=specimen)
     frame["pressure"] += PRESSURE_SD * rng.standard_normal(len(frame))
@@ -83,7 +89,7 @@ def curves(
 
 def data_of(frame: pd.DataFrame, **tube: float) -> xr.Dataset:
     known = {**TUBE, "axial_stretch": "axial_stretch", **tube}
-    return ph.inflation_data(frame, **known, check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**known), check="ignore")
 
 
 def from_prior(law: str, rng: np.random.Generator, **settings: Any) -> tuple[dict, pd.DataFrame]:

@@ -131,7 +131,7 @@ def study_of(law, effect, rng):
     radius, stretch = pt.vector("radius"), pt.scalar("axial_stretch")
     parameters = {name: pt.scalar(name) for name in medians}
     tube = TUBE | {"axial_stretch": stretch}
-    pressure = ph.inflation_pressure(energy, radius, **parameters, **tube)
+    pressure = ph.inflation_pressure(energy, radius, ph.Tube(**tube), **parameters)
     compiled = pytensor.function([radius, *parameters.values(), stretch], pressure)
     return Study(law, effect, compiled, rng)
 
@@ -172,7 +172,8 @@ def training_of(study):
 def fit(study, training, noise, seed):
     """Both classes."""
     training = {
-        name: ph.inflation_data(pd.concat(tables), **TUBE) for name, tables in training.items()
+        name: ph.inflation_data(pd.concat(tables), ph.Tube(**TUBE))
+        for name, tables in training.items()
     }
     pressure_sd = NOISE if noise == "known" else pm.LogNormal.dist(np.log(NOISE), 1.0)
     return ph.fit_classes(
@@ -190,11 +191,11 @@ def ask(table, classes, seed):
     """What is said of a specimen: by who reads the table, and by who classifies it."""
     said = {"doubted": "", "decision": "refused"}
     try:
-        ph.inflation_data(table, **TUBE, check="raise")
+        ph.inflation_data(table, ph.Tube(**TUBE), check="raise")
     except ValueError as error:
         said["doubted"] = str(error)
     try:
-        data = ph.inflation_data(table, **TUBE, check="ignore")
+        data = ph.inflation_data(table, ph.Tube(**TUBE), check="ignore")
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "1 of 1 cannot be judged")
             answer = ph.classify(

@@ -54,14 +54,14 @@ def data_of(law, *, force, extended, slack):
         tube = TUBE | {"axial_stretch": stretch} | LAWS[law.name]
         measured = {"radius": radius, "stretch": stretch, "experiment": number, "specimen": "A"}
         noise = rng.standard_normal((2, POINTS))
-        pressure = ph.inflation_pressure(law, radius, **tube).eval(mode="FAST_COMPILE")
+        pressure = ph.inflation_pressure(law, radius, ph.Tube(**tube)).eval(mode="FAST_COMPILE")
         measured["pressure"] = pressure + 0.15 * noise[0]
         if force:
-            axial_force = ph.axial_force(law, radius, **tube).eval(mode="FAST_COMPILE")
+            axial_force = ph.axial_force(law, radius, ph.Tube(**tube)).eval(mode="FAST_COMPILE")
             measured["axial_force"] = axial_force + 0.5 * noise[1]
         rows.append(pd.DataFrame(measured))
     frame = pd.concat(rows)
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **TUBE)
+    return ph.inflation_data(frame, ph.Tube(axial_stretch="stretch", **TUBE), check="ignore")
 
 
 def density(law, data, noise):

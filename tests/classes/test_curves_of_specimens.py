@@ -34,7 +34,7 @@ def protocols(growth=1.1):
     frame = frame.assign(specimen="A", pressure=60 * (frame["radius"] / growth - 0.4))
     frame["axial_force"] = 30 * (frame["stretch"] - 1.2)
     tube = {"inner_radius": 0.45, "outer_radius": 0.57}
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube)
+    return ph.inflation_data(frame, ph.Tube(axial_stretch="stretch", **tube), check="ignore")
 
 
 def sampler_of(data):

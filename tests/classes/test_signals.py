@@ -36,7 +36,7 @@ def tubes(specimens, seed):
         table["pressure"] = mu * UNIT[0] + offset + 0.2 * noise[0]
         table["axial_force"] = mu_of_force * UNIT[2] + 5.0 * noise[1]
         tables.append(pd.DataFrame(table))
-    return ph.inflation_data(pd.concat(tables, ignore_index=True), **TUBE, check="ignore")
+    return ph.inflation_data(pd.concat(tables, ignore_index=True), ph.Tube(**TUBE), check="ignore")
 
 
 # The class with one specimen is known least.

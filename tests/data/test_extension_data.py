@@ -38,7 +38,9 @@ def both() -> pd.DataFrame:
 
 
 def build(frame, **arguments) -> xr.Dataset:
-    return ph.inflation_data(frame, **GEOMETRY, **{"axial_stretch": "stretch", **arguments})
+    return ph.inflation_data(
+        frame, ph.Tube(**GEOMETRY), **{"axial_stretch": "stretch", **arguments}
+    )
 
 
 def test_held_stretches_lie_on_the_tests_also_where_they_are_rounded():

@@ -35,7 +35,7 @@ def two_tests(shift=0.0):
         frame = {"radius": RADIUS, "pressure": MU * PRESSURE + SD * error[0] + shift * experiment}
         frame["axial_force"] = MU * FORCE + FORCE_SD * error[1] + 30.0 * experiment
         frames.append(pd.DataFrame(frame).assign(specimen="A", experiment=experiment + 1))
-    return ph.inflation_data(pd.concat(frames, ignore_index=True), **TUBE)
+    return ph.inflation_data(pd.concat(frames, ignore_index=True), ph.Tube(**TUBE))
 
 
 def sampled(data, **noise):

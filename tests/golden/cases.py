@@ -65,7 +65,7 @@ def artery(*, specimens="A", outer=1.3, extension=False, force=True, by="radius"
     tube |= {"opening_angle": angle, "opening_angle_convention": "whole", "radii_of": "sector"}
     settings = {"measured": by, "geometry_sd": geometry_sd or None, "check": "ignore"}
     frame = frame if force else frame.drop(columns="axial_force")
-    return ph.inflation_data(frame, **tube, **settings)
+    return ph.inflation_data(frame, ph.Tube(**tube), **settings)
 
 
 HGO, GOH, FUNG = "HolzapfelGasserOgden", "GasserOgdenHolzapfel", "FungOrthotropic"
@@ -204,7 +204,7 @@ def priors(family, /, **arguments):
 
 def measured(**errors):
     """Setting of geometry that was measured, with standard errors; None for those of the data."""
-    return {"geometry": {name: ph.Measured(error) for name, error in errors.items()}}
+    return {"geometry": {name: ph.MeasuredValue(error) for name, error in errors.items()}}
 
 
 uniform, half_normal = partial(priors, pm.Uniform), partial(priors, pm.HalfNormal)

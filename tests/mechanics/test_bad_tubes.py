@@ -45,7 +45,7 @@ def test_impossible_tube_is_refused(energy, radius, arguments, error, message):
 
 def test_possible_extremes_are_accepted():
     """The checks refuse no thin wall, no negative opening angle and no symbolic radius."""
-    radius = ph.inflation_pressure(OGDEN, 8.0, **TUBE, **MATERIAL)
+    radius = ph.inflation_pressure(OGDEN, 8.0, ph.Tube(**TUBE), **MATERIAL)
     for arguments in ({"outer_radius": 7.0 + 1e-9}, {"opening_angle": -6.28}):
         for function in FUNCTIONS:
             function(OGDEN, radius, **TUBE | MATERIAL | arguments)

@@ -142,7 +142,7 @@ def test_numbers_arrays_and_variables_broadcast_in_double_precision():
     mu, alpha = np.array([[2.0], [6.0], [9.1]]), pt.dscalar("alpha")
     radii = np.linspace(6.5, 10.0, 4)
     pressure = inflation_pressure(
-        ph.Ogden(), radii, inner_radius=7, outer_radius=[8, 9, 9, 10.1], mu=mu, alpha=alpha
+        ph.Ogden(), radii, ph.Tube(inner_radius=7, outer_radius=[8, 9, 9, 10.1]), mu=mu, alpha=alpha
     )
     assert pressure.type.shape == (3, 4) and pressure.dtype == "float64"
     value = pressure.eval({alpha: 8.0}, mode=AS_WRITTEN)

@@ -114,7 +114,7 @@ def test_a_gradient_is_zero_only_where_the_pressure_overflows(law, value, expect
     """A gradient that is not a number at a finite pressure is not hidden."""
     parameters = {name: pt.dscalar(name) for name in law.parameter_names}
     tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    pressure = ph.inflation_pressure(law, [8.0, 12.0], **tube, **parameters)
+    pressure = ph.inflation_pressure(law, [8.0, 12.0], ph.Tube(**tube), **parameters)
     outputs = [pressure.sum(), *pytensor.grad(pressure.sum(), [*parameters.values()])]
     found, *gradients = pytensor.function([*parameters.values()], outputs, mode=AS_WRITTEN)(
         *[value] * len(parameters)

@@ -52,7 +52,7 @@ def test_published_pressures_and_stresses_are_reproduced(name):
     for (radius, radius_error), *published in readings:
         shifted = np.array([radius - radius_error, radius + radius_error])
         tube = {"inner_radius": inner, "outer_radius": outer}
-        pressure = ph.inflation_pressure(energy, shifted, **tube, **parameters)
+        pressure = ph.inflation_pressure(energy, shifted, ph.Tube(**tube), **parameters)
         # The radial stress at the outer surface is zero.
         _, hoop, _ = stretches(
             outer, shifted, inner_radius=inner, axial_stretch=1.0, opening_angle=0.0

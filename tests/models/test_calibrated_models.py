@@ -26,7 +26,7 @@ def population():
         pd.DataFrame({"specimen": f"S{i}", "experiment": 1, "radius": radius, "pressure": 1.0})
         for i in (1, 2, 3)
     )
-    data = ph.inflation_data(frame, inner_radius=7.0, outer_radius=9.0)
+    data = ph.inflation_data(frame, ph.Tube(7.0, 9.0))
     priors = {
         "location": pm.Normal.dist(np.log([0.2, 7.0]), [0.15, 0.3], shape=2),
         "spread": pm.LogNormal.dist(np.log(0.2), 0.4, shape=2),
@@ -49,9 +49,9 @@ def every_signal():
     )
     return ph.inflation_model(
         ph.Ogden(),
-        ph.inflation_data(frame, **tube, check="ignore"),
+        ph.inflation_data(frame, ph.Tube(**tube), check="ignore"),
         likelihood,
-        geometry={"thickness": ph.Measured(sd=0.04)},
+        geometry={"thickness": ph.MeasuredValue(sd=0.04)},
         priors={"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)},
     )
 

@@ -38,7 +38,9 @@ def opened_tube(outer=OUTER):
     frame = frame.assign(radius=[1.1, 1.25, 1.15, 1.2], stretch=[1.3, 1.3, 1.45, 1.2])
     frame = frame.assign(pressure=[2.0, 9.0, 4.0, 5.0], axial_force=30.0)
     tube = {"inner_radius": INNER, "outer_radius": outer, "opening_angle": ANGLE}
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube, **SECTOR)
+    return ph.inflation_data(
+        frame, ph.Tube(axial_stretch="stretch", **tube, **SECTOR), check="ignore"
+    )
 
 
 def around(parameters):
@@ -165,7 +167,7 @@ def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
     tube = forward.tube({"mu": 20.0, "n": pt.constant(2.0)})
     pressure = evaluated([tube.curves()["pressure"]])[0]
     known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
-    exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
+    exact = ph.inflation_pressure(energy, data["radius"].values, ph.Tube(**known), mu=20.0, n=2.0)
     exact = exact.eval(mode=AS_WRITTEN)
     np.testing.assert_allclose(pressure, exact, rtol=0, atol=1e-9 * exact.max())  # its tolerance
 

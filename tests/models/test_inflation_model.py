@@ -77,13 +77,13 @@ def test_a_prior_of_rising_pressures_integrates_to_1():
     radius = np.linspace(7.2, 12.0, 6)
     frame = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": radius - 7}
     tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    data = ph.inflation_data(pd.DataFrame(frame), **tube)
+    data = ph.inflation_data(pd.DataFrame(frame), ph.Tube(**tube))
     settings = {"priors": {"n": pm.Uniform.dist(0.3, 5.0)}, "rising": True}
     model = ph.power_law_neo_hookean_model(data, NOISE, **settings)
     # The modulus is a factor, and does not change the sign of the stiffness.
     exponents, between = np.linspace(0.3, 5.0, 401), np.linspace(*radius[[0, -1]], 200)[:, None]
     known = {**tube, "mu": 1.0, "n": exponents}
-    stiffness = ph.inflation_stiffness(ph.PowerLawNeoHookean(), between, **known)
+    stiffness = ph.inflation_stiffness(ph.PowerLawNeoHookean(), between, ph.Tube(**known))
     share = np.mean(np.all(stiffness.eval(mode=AS_WRITTEN) > 0, axis=0))
     assert 0.5 < share < 0.99
     assert at(model, ["rising"], {"mu": 20.0, "n": 0.35}) == [-np.inf]

@@ -43,12 +43,10 @@ def dataset(*frames, measured="radius"):
     geometry = {"inner_radius": "inner", "outer_radius": "outer", "axial_stretch": "axial"}
     return ph.inflation_data(
         pd.concat(frames, ignore_index=True),
-        **geometry,
-        opening_angle="angle",
+        ph.Tube(**geometry, opening_angle="angle", **SECTOR),
         angle_unit="deg",
         measured=measured,
         check="ignore",
-        **SECTOR,
     )
 
 

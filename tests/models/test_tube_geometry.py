@@ -50,7 +50,7 @@ def tube_data(measured, **geometry):
     """One curve of a stretched, opened tube, with axial forces."""
     frame = pd.DataFrame({"specimen": "S", "experiment": 3, "radius": RADIUS, "pressure": PRESSURE})
     frame = frame.assign(outer_diameter=2 * OUTER, axial_force=FORCE)
-    return ph.inflation_data(frame, **TUBE | geometry, **SECTOR, measured=measured)
+    return ph.inflation_data(frame, ph.Tube(**TUBE | geometry, **SECTOR), measured=measured)
 
 
 def exact_likelihood(measured, values, mu, alpha):
@@ -189,7 +189,9 @@ def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     """The likelihood is that of data with the deviating tube; the prior is standard normal."""
     stated = measured == "radius"  # by the data, or by the model
     data = other = ring_data(measured, geometry_sd=sds) if stated else ring_data(measured)
-    geometry = {name: ph.Measured() if stated else ph.Measured(sd) for name, sd in sds.items()}
+    geometry = {
+        name: ph.MeasuredValue() if stated else ph.MeasuredValue(sd) for name, sd in sds.items()
+    }
     settings = {"likelihood": NOISE, "mode": "quadrature"}
     model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
     for z, (name, sd) in zip(Z, sds.items(), strict=False):

@@ -27,7 +27,7 @@ def data() -> xr.Dataset:
     tests = {f"at {held:g} kPa": (held, STRETCHES) for held in (1.0, 3.0)}
     tests["inflation"] = INFLATED, 1.25
     frame = exact_points(ph.NeoHookean(), {"mu": 20.0}, tests, TUBE)
-    return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), check="ignore")
 
 
 def each(function, points, stretches, **settings):

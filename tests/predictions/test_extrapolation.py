@@ -16,7 +16,7 @@ RADIUS = np.linspace(7.2, 8.8, 9)
 
 
 def pressure_of(radius, mu=MU, **tube):
-    law = ph.inflation_pressure(ph.NeoHookean(), radius, mu=mu, **SHEEP | tube)
+    law = ph.inflation_pressure(ph.NeoHookean(), radius, ph.Tube(**SHEEP | tube), mu=mu)
     return law.eval(mode=AS_WRITTEN)
 
 
@@ -134,7 +134,7 @@ def test_outer_diameters_give_radii_by_the_median_tube():
     frame["pressure"] = [1.0, 2.0, 4.0]
     tube = {"inner_radius": None, "outer_radius": None, "measured": "outer_diameter"}
     inferred = {"inner_radius": [7.0, 7.0, 7.1], "outer_radius": [8.9, 9.0, 9.1]}
-    tree = fitted(ph.inflation_data(frame, **tube), **inferred)
+    tree = fitted(ph.inflation_data(frame, ph.Tube(**tube)), **inferred)
     ends = np.sqrt(np.array([9.2, 10.0]) ** 2 - (81 - 49))
     asked = [ends[0] - 0.01, *ends, ends[1] + 0.01]
     assert quietly(ph.predict_pressure, tree, asked) == [True, False, False, True]
