@@ -23,7 +23,9 @@ PRIOR = (50.0, 15.0)
 # Nats, of differences between evidences of some thousand draws each.
 TOLERANCE = 0.15
 FUNCTIONS = (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
-UNIT = [f(ph.NeoHookean(), RADIUS, mu=1.0, **TUBE).eval(mode=AS_WRITTEN) for f in FUNCTIONS]
+UNIT = [
+    f(ph.NeoHookean(), RADIUS, ph.Tube(**TUBE), mu=1.0).eval(mode=AS_WRITTEN) for f in FUNCTIONS
+]
 UNIT[1] = UNIT[1][1:-1]
 
 

@@ -185,8 +185,8 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
     frame["radius"] = np.r_[radius, np.full(5, 8.0)]
     frame["stretch"] = np.r_[np.full(5, 1.1), stretch]
     frame["pressure"], frame["axial_force"] = rng.uniform(1, 9, 10), rng.normal(0, 90, 10)
-    given = {"geometry_sd": {"thickness": thickness_sd}, "check": "ignore"}
-    data = ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), **given)
+    tube = ph.Tube(**TUBE, axial_stretch="stretch", sd={"thickness": thickness_sd})
+    data = ph.inflation_data(frame, tube, check="ignore")
     errors = {"pressure_sd": PRESSURE_SD, "force_sd": 12.0, "force_offset_sd": offset}
     sampler = sampler_of(data, ph.Gaussian(**errors), geometry={"thickness": ph.MeasuredValue()})
     target = sampler.target(data)

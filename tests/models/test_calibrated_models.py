@@ -40,7 +40,7 @@ def every_signal():
     stretch = np.concatenate([np.full(5, 1.3), np.linspace(1.2, 1.5, 5)])
     points = {"radius": radius, "stretch": stretch, "pressure": 1.0, "axial_force": 1.0}
     frame = pd.DataFrame(points).assign(specimen="a", experiment=np.repeat(["p", "f"], 5))
-    tube = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": "stretch"}
+    tube = ph.Tube(inner_radius=1.0, outer_radius=1.4, axial_stretch="stretch")
     likelihood = ph.Gaussian(
         pressure_sd=pm.LogNormal.dist(0.0, 0.5),
         force_sd=pm.LogNormal.dist(2.5, 0.5),
@@ -49,7 +49,7 @@ def every_signal():
     )
     return ph.inflation_model(
         ph.Ogden(),
-        ph.inflation_data(frame, ph.Tube(**tube), check="ignore"),
+        ph.inflation_data(frame, tube, check="ignore"),
         likelihood,
         geometry={"thickness": ph.MeasuredValue(sd=0.04)},
         priors={"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)},

@@ -40,8 +40,8 @@ def data():
         labels = {"specimen": specimen, "experiment": experiment, "axial_stretch": axial}
         tables.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure}))
     frame = pd.concat(tables, ignore_index=True)
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": "axial_stretch"}
-    return ph.inflation_data(frame, ph.Tube(**tube))
+    tube = ph.Tube(inner_radius=7.0, outer_radius=9.0, axial_stretch="axial_stretch")
+    return ph.inflation_data(frame, tube)
 
 
 def test_correlations_have_the_distribution_of_lewandowski_kurowicka_and_joe():

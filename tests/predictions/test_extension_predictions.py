@@ -77,8 +77,8 @@ def test_force_at_a_pressure_is_the_force_at_its_radius():
             return oracles.neo_hookean_pressure(mu, a, *TUBE.values(), stretch) - 2.0
 
         radius = [brentq(excess, 0.6, 1.9, args=(stretch,), xtol=1e-13) for stretch in STRETCHES]
-        settings = {**TUBE, "axial_stretch": STRETCHES, "mu": mu}
-        expected = ph.axial_force(ph.NeoHookean(), radius, **settings).eval(mode=AS_WRITTEN)
+        tube = ph.Tube(**TUBE, axial_stretch=STRETCHES)
+        expected = ph.axial_force(ph.NeoHookean(), radius, tube, mu=mu).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(force, expected, rtol=INVERSE)
 
 

@@ -179,7 +179,7 @@ def test_curves_of_layers_are_those_of_each_draw(results):
     for name, (predict, function) in functions.items():
         found = predict(tree, radius)[name]
         xr.testing.assert_identical(found, predict(tree, radius, energy=LAYERS)[name])
-        expected = function([media, outside], radius, inner_radius=7.0).eval(mode=AS_WRITTEN)
+        expected = function([media, outside], radius, ph.Tube(7.0)).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(found[1, 7], expected, rtol=ROUNDING)
 
 
