@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from tables import build, good_frame
 
+from pymc_hyperelastic import Tube, inflation_data
+
 ROUNDING = 1e-12
 
 # One tube: a ring of radii 7 and 9 mm that opens by 60 degrees in all, 30 by Fung.
@@ -51,12 +53,36 @@ def test_columns_may_state_a_ring_of_each_test():
     assert data["inner_radius"].values[1] == 7.0 and data["outer_radius"].values[1] == 9.0
 
 
+def test_what_is_not_stated_has_a_default_and_nan_is_not_known():
+    """Radii are not known, the axial stretch is 1 and the opening angle 0."""
+    frame = good_frame()
+    data = inflation_data(frame, Tube())
+    assert np.isnan(data["inner_radius"]).all() and np.isnan(data["outer_radius"]).all()
+    assert (data["axial_stretch"] == 1).all() and (data["opening_angle"] == 0).all()
+    unknown = inflation_data(frame, Tube(*[np.nan] * 4))
+    for name in ("inner_radius", "outer_radius", "axial_stretch", "opening_angle"):
+        assert np.isnan(unknown[name]).all()
+    # A measure of the wall that is not known leaves the other radius unknown.
+    half = inflation_data(frame, Tube(inner_radius=7.0, thickness=np.nan))
+    assert (half["inner_radius"] == 7).all() and np.isnan(half["outer_radius"]).all()
+
+
+def test_a_ring_that_stays_closed_may_have_one_known_radius():
+    data = inflation_data(good_frame(), Tube(inner_radius=7.0, radii_of="ring"))
+    assert (data["inner_radius"] == 7).all() and np.isnan(data["outer_radius"]).all()
+
+
+def test_the_tube_is_a_tube():
+    with pytest.raises(TypeError, match=r"tube is 7.0; expected a reference tube such as ph.Tube"):
+        inflation_data(good_frame(), 7.0)
+
+
 S1E1 = "specimen 'S1', experiment 1: "
 NO_INNER, NO_OUTER = {"inner_radius": None}, {"outer_radius": None}
 NO_ANGLE = {"opening_angle": np.nan}
 # Arguments, and a regular expression of the ValueError.
 NO_TUBE = {
-    "no convention": ({"opening_angle": 1.0}, f'{S1E1}.*is 1 rad.*="whole".*"fung".*radii_of='),
+    "no convention": ({"opening_angle": 1.0}, rf'{S1E1}.*Tube\(convention="fung"\).*radii_of='),
     "no reference": (FUNG | {"opening_angle": 1.0}, f'{S1E1}.*radii_of="ring".*"sector"'),
     "convention": (FUNG | {"convention": "half"}, "'half'.*'whole', 'fung'"),
     "ring of unknown angle": (RING | NO_ANGLE, f"{S1E1}.*without its opening_angle"),
@@ -67,6 +93,8 @@ NO_TUBE = {
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
     "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness, wall_area are given"),
     "no length": ({"wall_volume": 2.0}, "wall_volume is given; .*with length"),
+    "wall alone": ({"wall_area": 30.0} | NO_INNER | NO_OUTER, "with neither inner_radius"),
+    "no wall": ({"wall_area": 0.0} | NO_INNER, f"{S1E1}wall_area is 0; expected a positive"),
     "too much wall": ({"wall_area": 300.0} | NO_INNER, f"{S1E1}.*300 mm² does not fit"),
     "too thick": ({"thickness": 9.5} | NO_INNER, f"{S1E1}inner_radius is -0.5 mm"),
     "unknown angle": ({"wall_area": 30.0} | NO_ANGLE | NO_OUTER, "angle is not known"),
