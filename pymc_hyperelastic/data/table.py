@@ -67,7 +67,7 @@ def inflation_data(
         :func:`~pymc_hyperelastic.inflation_model`. An axial stretch that is not stated is 1, and an
         opening angle 0. A column of the axial stretch may vary within a test, which is then an
         extension test, mostly at a held pressure. Inflation and extension tests on a specimen stand
-        in one table. Slopes play no part in extension tests.
+        in one table. Extension tests have no slopes.
 
         The standard deviations in ``tube.sd`` have the units of their measures, and are of the
         angle that is given. The Dataset holds them as ``thickness_sd`` and so on;

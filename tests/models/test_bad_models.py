@@ -140,7 +140,7 @@ VALUE_ERRORS = [
         "only with variability='specimen'",
     ),
     # Layers.
-    (lambda: layers(data=curves()), "layers state the thickness|outer_radius=None"),
+    (lambda: layers(data=curves()), "layers state the thickness|ph.Tube(inner_radius=...)"),
     (
         lambda: layers(geometry={"thickness": ph.MeasuredValue(0.1)}),
         "give a layer's thickness a prior",
