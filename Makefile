@@ -87,7 +87,7 @@ dist: $(VENV)/.ready-dist
 	$(PYTHON) -m venv --clear dist/empty
 	dist/empty/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
 	cd dist && PYTENSOR_FLAGS=mode=FAST_COMPILE empty/bin/python -W error -c "import pymc_hyperelastic as ph; \
-	print(ph.__version__, ph.inflation_pressure(ph.Ogden(), 8.0, inner_radius=7.0, outer_radius=9.0, mu=30.0, alpha=7.0).eval())"
+	print(ph.__version__, ph.inflation_pressure(ph.Ogden(), 8.0, ph.Tube(7.0, 9.0), mu=30.0, alpha=7.0).eval())"
 	rm -rf dist/empty
 
 benchmark: $(VENV)/.ready-benchmark

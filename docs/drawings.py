@@ -8,6 +8,7 @@ import ast
 import doctest
 import inspect
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,7 +19,7 @@ import pytensor
 import pymc_hyperelastic as ph
 
 FOLDER = Path(__file__).resolve().with_name("drawings")
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}  # mm
+TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm
 # Their examples save the fits that examples of plot functions open.
 FITS = ("sample_smc", "fit_classes")
 
@@ -42,19 +43,18 @@ def draw_law(name: str) -> plt.Figure:
     exec(source, names)
     calls = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call))
     call = next(node for node in calls if getattr(node.func, "attr", "") == "inflation_pressure")
-    settings = {}
+    material = {}
     for keyword in call.keywords:
         value = eval(ast.unparse(keyword.value), names)
-        settings |= {keyword.arg: value} if keyword.arg else value  # or **value
-    material = {k: v for k, v in settings.items() if k not in (*TUBE, "internal_radius")}
+        material |= {keyword.arg: value} if keyword.arg else value  # or **value
     radius = np.linspace(7.0, 9.5, 60)
     figure, axes = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
     curves = {"pressure (mmHg)": ph.inflation_pressure, "axial force (N)": ph.axial_force}
     units = {"pressure (mmHg)": ph.mmHg, "axial force (N)": 1e3}
     for ax, (label, curve) in zip(axes, curves.items(), strict=True):
         for stretch in (1.0, 1.2, 1.4):
-            settings = TUBE | material | {"axial_stretch": stretch}
-            values = curve(getattr(ph, name)(), radius, **settings).eval()
+            tube = replace(TUBE, axial_stretch=stretch)
+            values = curve(getattr(ph, name)(), radius, tube, **material).eval()
             ax.plot(radius, values / units[label], label=f"axial stretch {stretch}")
         ax.set(xlabel="internal radius (mm)", ylabel=label)
     axes[0].legend(frameon=False)

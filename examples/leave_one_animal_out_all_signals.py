@@ -76,7 +76,7 @@ report = ph.calibration_report(
         force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
         force_offset_sd=20.0,
     ),
-    geometry=None if KNOWN_THICKNESS else {"thickness": ph.Measured()},
+    geometry=None if KNOWN_THICKNESS else {"thickness": ph.MeasuredValue()},
     leave_out=animals,
     draws=DRAWS,
     random_seed=1,

@@ -93,13 +93,12 @@ DIASTOLE, SYSTOLE = 80.0, 120.0  # mmHg
 
 def compiled():
     """Pressure (kPa) and axial force (mN) of materials (material, 1) in tubes (1, point)."""
-    tube = {
-        n: pt.row(n) for n in ("internal_radius", "inner_radius", "outer_radius", "axial_stretch")
-    }
+    radius = pt.row("internal_radius")
+    tube = {n: pt.row(n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
     material = {n: pt.col(n) for n in LAW.parameter_names}
     quantities = ph.inflation_pressure, ph.axial_force
-    outputs = [f(LAW, **tube, **material, order=ORDER) for f in quantities]
-    function = pytensor.function([*tube.values(), *material.values()], outputs)
+    outputs = [f(LAW, radius, ph.Tube(**tube), **material, order=ORDER) for f in quantities]
+    function = pytensor.function([radius, *tube.values(), *material.values()], outputs)
 
     def curves(places: np.ndarray, radius, inner, outer, stretch) -> list[np.ndarray]:
         known = dict(zip(NAMES, places.T, strict=True))
@@ -182,9 +181,9 @@ def cohort(groups: list[str], prefix: str) -> tuple[xr.Dataset, np.ndarray]:
         tests_of(place, tube, f"{prefix}{i}", group)
         for i, (place, tube, group) in enumerate(zip(places, tubes, groups, strict=True))
     )
-    columns = {"axial_stretch": "stretch", "inner_radius": "inner", "outer_radius": "outer"}
+    columns = ph.Tube(inner_radius="inner", outer_radius="outer", axial_stretch="stretch")
     # A few of them are wider at their highest pressure than vessels mostly are.
-    data = ph.inflation_data(frame, **columns, check="ignore")
+    data = ph.inflation_data(frame, columns, check="ignore")
     return data.assign_attrs(title="SIMULATED mouse aortas", simulated=1), places
 
 

@@ -43,7 +43,7 @@ rng = np.random.default_rng(SEED)
 # and 0.1; stiffer tubes tend to have smaller exponents. Each specimen is inflated twice, to the
 # same radii, with errors of 0.1 kPa. A new specimen is of either class by the toss of a coin.
 RADII = np.linspace(7.1, 8.8, 15)  # mm
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}  # mm
+TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm
 EXPERIMENTS, ERROR = 2, 0.1  # kPa
 MEDIANS = {"A": {"mu": 30.0, "alpha": 7.0}, "B": {"mu": 37.0, "alpha": 7.5}}  # μ in kPa
 SPREAD, CORRELATION = np.array([0.15, 0.1]), np.array([[1, -0.4], [-0.4, 1]])
@@ -56,7 +56,7 @@ DISTRIBUTIONS = {
 def curves(energy: ph.StrainEnergy, **parameters: np.ndarray) -> np.ndarray:
     """Pressures (kPa) at the radii, one row a specimen."""
     columns = {name: value[:, None] for name, value in parameters.items()}
-    return ph.inflation_pressure(energy, RADII, **TUBE, **columns).eval()
+    return ph.inflation_pressure(energy, RADII, TUBE, **columns).eval()
 
 
 def curves_of_class(name: str, count: int) -> np.ndarray:
@@ -79,7 +79,7 @@ def measure(pressure: np.ndarray, groups: list[str], prefix: str) -> xr.Dataset:
             "pressure": measured.ravel(),
         }
     )
-    return ph.inflation_data(frame, **TUBE).assign_attrs(title="SIMULATED cohort", simulated=1)
+    return ph.inflation_data(frame, TUBE).assign_attrs(title="SIMULATED cohort", simulated=1)
 
 
 training = {

@@ -55,13 +55,7 @@ frame = pd.DataFrame(
         "pressure": shipped["pressure"],
     }
 )
-data = ph.inflation_data(
-    frame,
-    inner_radius=None,
-    outer_radius=None,
-    axial_stretch=AXIAL_STRETCH,
-    measured="outer_diameter",
-)
+data = ph.inflation_data(frame, ph.Tube(axial_stretch=AXIAL_STRETCH), measured="outer_diameter")
 
 # %%
 # What is assumed

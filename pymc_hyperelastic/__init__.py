@@ -37,7 +37,7 @@ from pymc_hyperelastic.mechanics.integrals import PressureIntegral
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
-from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.inflation import (
     criscione_model,
     inflation_model,
@@ -86,7 +86,7 @@ __all__ = [
     *strain_energy.__all__,
     "Tube",
     "Layer",
-    "Measured",
+    "MeasuredValue",
     "PressureIntegral",
     "inflation_pressure",
     "inflation_stiffness",

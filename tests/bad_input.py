@@ -42,7 +42,7 @@ def curves(
     if forces is not None:
         frame["axial_force"] = forces
     frame.index += 41
-    return ph.inflation_data(frame, **TUBE | geometry)
+    return ph.inflation_data(frame, ph.Tube(**TUBE | geometry))
 
 
 def unknown_curves(forces=None, **geometry) -> xr.Dataset:
@@ -62,7 +62,7 @@ def two_tubes() -> xr.Dataset:
     frame["radius"] = [7.2, 7.6, 8.0] * 2
     frame["pressure"] = [2.0, 4.0, 7.0] * 2
     frame["A"] = [7.0] * 3 + [6.5] * 3
-    return ph.inflation_data(frame, inner_radius="A", outer_radius=9.0)
+    return ph.inflation_data(frame, ph.Tube(inner_radius="A", outer_radius=9.0))
 
 
 def model(data=None, energy=OGDEN, likelihood=SLOPES, **settings) -> pm.Model:

@@ -140,7 +140,7 @@ def table(points=(6, 5, 4, 3, 1), seed=1):
 def dataset(frame=None, measured="radius", **geometry):
     frame = table() if frame is None else frame
     geometry = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": "axial"} | geometry
-    return ph.inflation_data(frame, measured=measured, check="ignore", **geometry)
+    return ph.inflation_data(frame, ph.Tube(**geometry), measured=measured, check="ignore")
 
 
 def extended(measured="radius"):

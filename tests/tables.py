@@ -1,14 +1,17 @@
 """Tables of measurements that are right, and ways to make them wrong."""
 
+from dataclasses import fields
+
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.table import inflation_data
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
 # The package's own way to state a cut ring.
-SECTOR = {"opening_angle_convention": "whole", "radii_of": "sector"}
+SECTOR = {"convention": "whole", "radii_of": "sector"}
 # Axial forces of the six points of good_frame, two of them missing and one as text.
 FORCES = (1.0, np.nan, 3.0, "4.5", None, 6.0)
 
@@ -48,8 +51,16 @@ def changed(column: str, row: int, value: object, **columns) -> pd.DataFrame:
 
 
 def build(frame: object = None, **arguments: object) -> xr.Dataset:
+    """Build data; the arguments are those of Tube and of inflation_data."""
     frame = good_frame() if frame is None else frame
-    return inflation_data(frame, **{**GEOMETRY, **arguments})
+    return inflation_data(frame, **with_tube({**GEOMETRY, **arguments}))
+
+
+def with_tube(arguments: dict) -> dict:
+    """Return arguments in which those of Tube are one Tube."""
+    names = [field.name for field in fields(Tube)]
+    tube = Tube(**{name: arguments[name] for name in names if name in arguments})
+    return {k: v for k, v in arguments.items() if k not in names} | {"tube": tube}
 
 
 def with_values(name: str, values: object) -> xr.Dataset:

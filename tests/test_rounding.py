@@ -135,7 +135,7 @@ def test_lengths_in_different_units_agree():
     points = points.assign(radius=[7.0, 7.5], inner_radius=[6.9, 0.0069 * 1000])
     tubes = pd.DataFrame({"specimen": ["S1"], "inner_radius": [0.0069 * 1000]})
     joined(points, [tubes])  # refuses a table that does not agree with the points
-    data = ph.inflation_data(points, inner_radius="inner_radius", outer_radius=8.0)
+    data = ph.inflation_data(points, ph.Tube(inner_radius="inner_radius", outer_radius=8.0))
     assert data["inner_radius"].item() == 6.9
 
 

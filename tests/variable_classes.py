@@ -21,7 +21,9 @@ NAMES = ("soft", "stiff")
 
 def unit_pressure(radius):
     """Pressure of a neo-Hookean tube of unit modulus."""
-    return ph.inflation_pressure(ph.NeoHookean(), radius, mu=1.0, **TUBE).eval(mode=AS_WRITTEN)
+    return ph.inflation_pressure(ph.NeoHookean(), radius, ph.Tube(**TUBE), mu=1.0).eval(
+        mode=AS_WRITTEN
+    )
 
 
 UNIT_PRESSURE = unit_pressure(RADIUS)
@@ -37,7 +39,7 @@ def curves(specimens, seed):
             points = {"radius": RADIUS, "pressure": mu * UNIT_PRESSURE + noise}
             labels = {"specimen": name, "experiment": experiment, "group": "all"}
             tables.append(pd.DataFrame(labels | points))
-    return ph.inflation_data(pd.concat(tables, ignore_index=True), **TUBE, check="ignore")
+    return ph.inflation_data(pd.concat(tables, ignore_index=True), ph.Tube(**TUBE), check="ignore")
 
 
 TRAINING = {

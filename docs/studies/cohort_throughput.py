@@ -58,7 +58,7 @@ def cohort(count: int, rng: np.random.Generator, prefix: str) -> xr.Dataset:
         errors = NOISE * rng.standard_normal(radius.size)
         frame["pressure"] = np.tile(PRESSURE, len(number)) + errors
         frames.append(frame)
-    return ph.inflation_data(pd.concat(frames), **TUBE, check="ignore")
+    return ph.inflation_data(pd.concat(frames), ph.Tube(**TUBE), check="ignore")
 
 
 def megabytes(who: int) -> float:

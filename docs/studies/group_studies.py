@@ -124,7 +124,7 @@ def specimens(
         labels = {"specimen": f"{name}{i}", "experiment": 1}
         rows.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure + error}))
     frame = pd.concat(rows).dropna()
-    return ph.inflation_data(frame, **TUBE, check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**TUBE), check="ignore")
 
 
 def study(number: int) -> dict[str, float]:

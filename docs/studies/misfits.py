@@ -59,21 +59,19 @@ def curves(
     """Tests of a specimen at each axial stretch, without errors of radius, with those of others."""
     energy, tests = LAWS[law][0], []
     for number, stretch in enumerate(STRETCHES, start=1):
-        known = {**TUBE, "axial_stretch": stretch, **tube, **values}
-        grid = np.linspace(
-            known["inner_radius"] * stretch**-0.5, WIDEST * TUBE["inner_radius"], 400
-        )
+        known = ph.Tube(**{**TUBE, "axial_stretch": stretch, **tube})
+        grid = np.linspace(known.inner_radius * stretch**-0.5, WIDEST * TUBE["inner_radius"], 400)
         with np.errstate(over="ignore", invalid="ignore"):
-            pressure = ph.inflation_pressure(energy, grid, **known).eval(mode="FAST_COMPILE")
+            pressure = ph.inflation_pressure(energy, grid, known, **values)
+            pressure = pressure.eval(mode="FAST_COMPILE")
         inside = (pressure > 0) & (pressure < HIGHEST)
         if inside.sum() < POINTS:
             return pd.DataFrame()
         radius = np.linspace(*grid[inside][[0, -1]], POINTS)
-        test = {
-            "radius": radius,
-            "pressure": ph.inflation_pressure(energy, radius, **known).eval(mode="FAST_COMPILE"),
-        }
-        test["axial_force"] = ph.axial_force(energy, radius, **known).eval(mode="FAST_COMPILE")
+        curves_of = {"pressure": ph.inflation_pressure, "axial_force": ph.axial_force}
+        test = {"radius": radius}
+        for name, curve in curves_of.items():
+            test[name] = curve(energy, radius, known, **values).eval(mode="FAST_COMPILE")
         tests.append(pd.DataFrame(test).assign(experiment=number, axial_stretch=stretch))
     frame = pd.concat(tests, ignore_index=True).assign(specimen=specimen)
     frame["pressure"] += PRESSURE_SD * rng.standard_normal(len(frame))
@@ -82,8 +80,8 @@ def curves(
 
 
 def data_of(frame: pd.DataFrame, **tube: float) -> xr.Dataset:
-    known = {**TUBE, "axial_stretch": "axial_stretch", **tube}
-    return ph.inflation_data(frame, **known, check="ignore")
+    known = ph.Tube(**{**TUBE, "axial_stretch": "axial_stretch", **tube})
+    return ph.inflation_data(frame, known, check="ignore")
 
 
 def from_prior(law: str, rng: np.random.Generator, **settings: Any) -> tuple[dict, pd.DataFrame]:

@@ -54,7 +54,7 @@ def specimens(rng: np.random.Generator, x: np.ndarray, name: str) -> xr.Dataset:
             "pressure": np.tile(PRESSURE, x.shape[1]) + NOISE * rng.standard_normal(radius.size),
         }
     )[reached.ravel()]
-    return ph.inflation_data(frame, **TUBE, check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**TUBE), check="ignore")
 
 
 def fitted(groups: dict[str, xr.Dataset], seed: int) -> xr.DataTree:

@@ -61,7 +61,7 @@ def tested(x: np.ndarray, prefix: str, design: dict) -> xr.Dataset:
             "pressure": np.tile(pressure, x.shape[1]) + NOISE * rng.standard_normal(radius.size),
         }
     )
-    return ph.inflation_data(frame[np.isfinite(radius).ravel()], **TUBE, check="ignore")
+    return ph.inflation_data(frame[np.isfinite(radius).ravel()], ph.Tube(**TUBE), check="ignore")
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ import argparse
 import json
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import chain, product
 from pathlib import Path
 from typing import NamedTuple
@@ -45,7 +46,7 @@ STIFFER = 2.2
 SPREAD, BETWEEN = np.array([0.25, 0.15]), np.array([0.08, 0.05])
 SPECIMENS, EXPERIMENTS, ORDINARY = 8, 2, 40
 
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}  # mm, a sheep's aorta
+TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm, a sheep's aorta
 NOISE = 3 * ph.mmHg  # standard deviation of a pressure, kPa
 # A test begins a little above the radius without load, at a low pressure, and ends at a high one or
 # where the tube is wide.
@@ -109,7 +110,7 @@ KINDS = (
         "kPa given as mmHg": Kind(change=lambda r, p, rng: (r, p * ph.mmHg)),
         "mmHg given as kPa": Kind(change=lambda r, p, rng: (r, p / ph.mmHg)),
         "diameters as radii": Kind(change=lambda r, p, rng: (2 * r, p)),
-        "strains halved": Kind(change=lambda r, p, rng: ((r + TUBE["inner_radius"]) / 2, p)),
+        "strains halved": Kind(change=lambda r, p, rng: ((r + TUBE.inner_radius) / 2, p)),
     }
     | {f"axial stretch {x:g} as 1": Kind(axial_stretch=x) for x in (0.8, 1.2, 1.3, 1.6)}
 )
@@ -130,8 +131,8 @@ def study_of(law, effect, rng):
     energy, medians = LAWS[law]
     radius, stretch = pt.vector("radius"), pt.scalar("axial_stretch")
     parameters = {name: pt.scalar(name) for name in medians}
-    tube = TUBE | {"axial_stretch": stretch}
-    pressure = ph.inflation_pressure(energy, radius, **parameters, **tube)
+    tube = replace(TUBE, axial_stretch=stretch)
+    pressure = ph.inflation_pressure(energy, radius, tube, **parameters)
     compiled = pytensor.function([radius, *parameters.values(), stretch], pressure)
     return Study(law, effect, compiled, rng)
 
@@ -172,7 +173,7 @@ def training_of(study):
 def fit(study, training, noise, seed):
     """Both classes."""
     training = {
-        name: ph.inflation_data(pd.concat(tables), **TUBE) for name, tables in training.items()
+        name: ph.inflation_data(pd.concat(tables), TUBE) for name, tables in training.items()
     }
     pressure_sd = NOISE if noise == "known" else pm.LogNormal.dist(np.log(NOISE), 1.0)
     return ph.fit_classes(
@@ -190,11 +191,11 @@ def ask(table, classes, seed):
     """What is said of a specimen: by who reads the table, and by who classifies it."""
     said = {"doubted": "", "decision": "refused"}
     try:
-        ph.inflation_data(table, **TUBE, check="raise")
+        ph.inflation_data(table, TUBE, check="raise")
     except ValueError as error:
         said["doubted"] = str(error)
     try:
-        data = ph.inflation_data(table, **TUBE, check="ignore")
+        data = ph.inflation_data(table, TUBE, check="ignore")
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "1 of 1 cannot be judged")
             answer = ph.classify(

@@ -19,7 +19,7 @@ from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import PACKAGE
-from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
 
@@ -31,7 +31,7 @@ def fit_classes(
     likelihood: Likelihood | Any,
     *,
     priors: dict[str, Any] | None = None,
-    geometry: Mapping[str, Measured] | None = None,
+    geometry: Mapping[str, MeasuredValue] | None = None,
     variability: Literal["none", "specimen"] = "none",
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
@@ -67,7 +67,7 @@ def fit_classes(
         Priors of the material parameters, see :func:`pymc_hyperelastic.inflation_model`. With
         variability, priors of the class distribution, see
         :func:`~pymc_hyperelastic.population_model`.
-    geometry : dict of str to Measured, optional
+    geometry : dict of str to MeasuredValue, optional
         Measures of the tube that have an error, which differs between specimens, see
         :func:`~pymc_hyperelastic.population_model`; only with variability.
     variability : {"none", "specimen"}

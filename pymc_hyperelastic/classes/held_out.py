@@ -28,7 +28,7 @@ from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import PACKAGE
-from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
 
@@ -45,7 +45,7 @@ def calibration_report(
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
     priors: dict[str, Any] | None = None,
-    geometry: Mapping[str, Measured] | None = None,
+    geometry: Mapping[str, MeasuredValue] | None = None,
     leave_out: Mapping[str, Hashable] | None = None,
     draws: int = 1000,
     chains: int = 1,

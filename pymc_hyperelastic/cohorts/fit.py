@@ -26,7 +26,7 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
-from pymc_hyperelastic.models.geometry import Measured, check_geometry
+from pymc_hyperelastic.models.geometry import MeasuredValue, check_geometry
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.likelihoods import (
     Likelihood,
@@ -338,11 +338,11 @@ def fit_cohort(
 
 
 def _record(name: str, value: Any) -> Any:
-    return {"sd": value.sd} if isinstance(value, Measured) else prior_to_record(name, value)
+    return {"sd": value.sd} if isinstance(value, MeasuredValue) else prior_to_record(name, value)
 
 
 def _distribution(record: Any) -> Any:
-    return Measured(record["sd"]) if isinstance(record, dict) else prior_from_record(record)
+    return MeasuredValue(record["sd"]) if isinstance(record, dict) else prior_from_record(record)
 
 
 def _as_json(properties: Mapping[str, Any]) -> dict[str, Any]:

@@ -87,10 +87,8 @@ class Rows:
             place = self.test_of(self.first[test])
             self.problems.add(place, what, dimension, of_test=True)
 
-    def of_points(self, name: str, given: float | str | None) -> np.ndarray:
-        """One number a row: NaN for None, that of a number, those of a column by its name."""
-        if given is None:
-            return np.full(self.test.size, np.nan)
+    def of_points(self, name: str, given: float | str) -> np.ndarray:
+        """One number a row: the given one, or those of the column of the given name."""
         if isinstance(given, str):
             if given not in self.frame:
                 raise ValueError(
@@ -101,14 +99,12 @@ class Rows:
             return self.numbers(given)
         if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
             raise TypeError(
-                f"{name} is {shown(given)}; expected a number, the name of a column, or None if "
-                "unknown"
+                f"{name} is {shown(given)}; expected a number, the name of a column, or nan if it "
+                "is not known"
             )
-        if np.isnan(given):
-            raise ValueError(f"{name} is {given}; if it is not known, give None")
         return np.full(self.test.size, float(given))
 
-    def of_tests(self, name: str, given: float | str | None) -> np.ndarray:
+    def of_tests(self, name: str, given: float | str) -> np.ndarray:
         """One number a test, likewise; a column must not change within a test."""
         values = self.of_points(name, given)
         return self.constant(name, values) if isinstance(given, str) else values[self.first]
@@ -126,9 +122,9 @@ class Rows:
             )
         return of_test
 
-    def doubt_overlooked(self, name: str, given: float | str | None) -> None:
-        """Doubt a number that is given though a column of its name says something else."""
-        if isinstance(given, str) or given is None or name not in self.frame:
+    def doubt_overlooked(self, name: str, given: float | str) -> None:
+        """Doubt a number that is taken though a column of its name says something else."""
+        if isinstance(given, str) or np.isnan(given) or name not in self.frame:
             return
         column = pd.to_numeric(self.frame[name], errors="coerce")
         if (column.notna() & (column != given)).any():
@@ -136,7 +132,7 @@ class Rows:
                 f"overlooked {name}",
                 "",
                 f"the frame has a column {name!r} with values other than {given:g}, which is taken "
-                f"for all rows: to take the column, say {name}={name!r}",
+                f"for all rows: to take the column, say Tube({name}={name!r})",
             )
 
 

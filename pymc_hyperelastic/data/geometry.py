@@ -1,30 +1,31 @@
-"""The reference tube at the door: whichever way a laboratory states it, the opened sector.
+"""Check the reference tubes of a table, and convert them to opened sectors.
 
-Inside, the reference is the sector to which a cut ring springs open: its two radii, and the whole
-angle that it lacks of a full circle. Laboratories mostly report Fung's angle and the closed ring.
+Inside the package the reference tube is the sector to which a cut ring springs open: its two radii,
+and the whole angle that it lacks of a full circle. Laboratories mostly report Fung's angle and the
+closed ring. :func:`~pymc_hyperelastic.inflation_data` calls this module.
 """
 
-from typing import Literal, get_args
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows
-from pymc_hyperelastic.mechanics.tube import opened_sector, opening_factor
+from pymc_hyperelastic.mechanics.reference_tube import (
+    Tube,
+    stated_wall,
+    whole_angle,
+    with_both_radii,
+)
 
-Convention = Literal["whole", "fung"]
-RadiiOf = Literal["sector", "ring"]
 Array = NDArray[np.float64]
-
-# Measures of the unloaded wall.
-WALL = ("thickness", "wall_area", "wall_volume", "length")
-_COMPLETE_WALLS = (["thickness"], ["wall_area"], ["wall_volume", "length"])
 
 _CONVENTIONS = (
     "two conventions are in use; say which is meant: "
-    'opening_angle_convention="whole" if it is the whole angle that the opened sector lacks of a '
-    'full circle, 2π less its own; "fung" if it is Fung\'s, half of that: between the lines from '
-    "the middle of the sector's inner side to its two ends"
+    '{0}"whole"{1} if it is the whole angle that the opened sector lacks of a '
+    'full circle, 2π less its own; {0}"fung"{1} if it is Fung\'s, half of that: between the lines '
+    "from the middle of the sector's inner side to its two ends"
 )
 _REFERENCES = (
     "the ring and the sector to which it opened have different radii; say which are given: "
@@ -42,57 +43,55 @@ def _refuse(
         rows.refuse_test(i, what.format("" if values is None else float(values[i])), dimension)
 
 
-def reference_tube(
-    rows: Rows,
-    known: dict[str, Array],
-    wall: dict[str, Array],
-    convention: Convention | None,
-    radii_of: RadiiOf | None,
-) -> dict[str, Array]:
+def _conventions(rows: Rows) -> str:
+    """Question for the convention, in the words of those who state it in Python or in settings."""
+    words = ("opening_angle_convention=", "") if rows.of_files else ("Tube(convention=", ")")
+    return _CONVENTIONS.format(*words)
+
+
+def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[str, Array]:
     """Radii of the opened sector and the whole angle that it lacks, one number a test.
 
     Parameters
     ----------
     rows : Rows
         Whose tests these are, for messages.
-    known : dict
-        ``inner_radius``, ``outer_radius`` (mm), ``opening_angle`` (rad), NaN where unknown.
-    wall : dict
-        What was given of ``thickness`` (mm), ``wall_area`` (mm²), ``wall_volume`` (mm³) and
+    tube : Tube
+        The tube, as the user states it.
+    numbers : dict
+        ``inner_radius``, ``outer_radius`` (mm), ``opening_angle`` (rad), NaN where unknown; and
+        the stated ones of ``thickness`` (mm), ``wall_area`` (mm²), ``wall_volume`` (mm³) and
         ``length`` (mm), of the unloaded ring.
-    convention, radii_of : str or None
-        Which angle, and the radii of what.
     """
+    ring = tube.radii_of == "ring"
     with np.errstate(invalid="ignore", divide="ignore"):  # of tests that are refused
-        angle = _whole_angle(rows, known["opening_angle"], convention, radii_of)
-        inner, outer = known["inner_radius"], known["outer_radius"]
-        if wall:
-            k = np.ones_like(angle) if radii_of == "ring" else opening_factor(angle)
-            inner, outer = _completed(rows, inner, outer, wall, k)
-        if radii_of == "ring":
+        _check_angle(rows, tube, numbers["opening_angle"])
+        known = _with_wall(rows, replace(tube, axial_stretch=None, sd=None), numbers)
+        inner, outer, angle = known.inner_radius, known.outer_radius, whole_angle(known)
+        if ring:
             _check_ring(rows, inner, outer, angle)
-            inner, outer = opened_sector(inner, outer, opening_angle=angle)
+        sector = known.geometry()
+        if ring:
+            # A ring that stays closed keeps a radius also if the other one is not known.
+            sector["inner_radius"] = np.where(angle == 0, inner, sector["inner_radius"])
+            sector["outer_radius"] = np.where(angle == 0, outer, sector["outer_radius"])
             bent = "the ring would bend inside out, opening_angle is {:.6g} rad as a whole; check "
-            _refuse(rows, inner <= 0, f"{bent}its sign", angle)
-    return {"inner_radius": inner, "outer_radius": outer, "opening_angle": angle}
+            _refuse(rows, sector["inner_radius"] <= 0, f"{bent}its sign", angle)
+    return sector
 
 
-def errors_of_tube(
-    rows: Rows,
-    errors: dict[str, Array],
-    convention: Convention | None,
-    radii_of: RadiiOf | None,
-) -> dict[str, Array]:
+def errors_of_tube(rows: Rows, tube: Tube, errors: dict[str, Array]) -> dict[str, Array]:
     """Standard deviations of measures of the sector, from the given ones."""
-    if radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
+    if tube.radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
         raise ValueError(
-            f"geometry_sd holds {radii[0]!r}, but the radii are those of the ring, and models take "
-            "those of the sector to which it opened: give the error of its thickness or wall_area"
+            f"sd holds {radii[0]!r}, but the radii are those of the ring, and models take those of "
+            "the sector to which it opened: give the error of its thickness or wall_area"
         )
     if "opening_angle" in errors:
-        if convention is None:
-            raise ValueError(f"geometry_sd holds an error of the opening angle: {_CONVENTIONS}")
-        errors |= {"opening_angle": errors["opening_angle"] * (2 if convention == "fung" else 1)}
+        if tube.convention is None:
+            raise ValueError(f"sd holds an error of the opening angle: {_conventions(rows)}")
+        factor = 2 if tube.convention == "fung" else 1
+        errors |= {"opening_angle": factor * errors["opening_angle"]}
     for name, sd in errors.items():
         bad = ~(np.isfinite(sd) & (sd >= 0))
         what = f"the error of {name} is {{:.6g}}; expected a positive number"
@@ -100,58 +99,40 @@ def errors_of_tube(
     return {f"{name}_sd": sd for name, sd in errors.items()}
 
 
-def _whole_angle(
-    rows: Rows, angle: Array, convention: Convention | None, radii_of: RadiiOf | None
-) -> Array:
-    for name, value, options in (
-        ("opening_angle_convention", convention, get_args(Convention)),
-        ("radii_of", radii_of, get_args(RadiiOf)),
-    ):
-        if value is not None and value not in options:
-            raise ValueError(f"{name} is {value!r}; expected one of {options}")
+def _check_angle(rows: Rows, tube: Tube, angle: Array) -> None:
+    """Refuse tests with an impossible angle, or with one that has two meanings."""
     impossible = "opening_angle is {:.6g} rad; " + _DEGREES
     _refuse(rows, np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
-    questions = [_CONVENTIONS] if convention is None else []
-    questions += [_REFERENCES] if radii_of is None else []
+    questions = [_conventions(rows)] if tube.convention is None else []
+    questions += [_REFERENCES] if tube.radii_of is None else []
     cut = np.isfinite(angle) & (angle != 0) & bool(questions)
     _refuse(rows, cut, "opening_angle is {:.6g} rad, and " + "; and ".join(questions), angle)
-    return 2 * angle if convention == "fung" else angle
 
 
-def _completed(
-    rows: Rows, inner: Array, outer: Array, wall: dict[str, Array], k: Array
-) -> tuple[Array, Array]:
-    """Both radii, from one of them and one measure of the wall."""
-    given = sorted(wall, key=WALL.index)
-    if given not in _COMPLETE_WALLS:
-        raise ValueError(
-            f"of the wall {', '.join(given)} {'is' if len(given) == 1 else 'are'} given; expected "
-            "thickness, or wall_area, or wall_volume with length"
-        )
-    if np.isnan(inner).all() == np.isnan(outer).all():
-        neither = np.isnan(inner).all()
-        raise ValueError(
-            f"{', '.join(given)} is given with {'neither' if neither else 'both'} of inner_radius "
-            "and outer_radius; expected one of them, and None for the other"
-        )
-    for name, values in wall.items():
-        _refuse(rows, ~(values > 0), f"{name} is {{:.6g}}; expected a positive number", values)
+def _with_wall(rows: Rows, tube: Tube, numbers: dict[str, Any]) -> Tube:
+    """Return the tube in numbers, with both radii in place of a measure of the wall."""
+    wall = stated_wall(tube)
+    if not wall:
+        return replace(tube, **numbers)
+    for name in wall:
+        values = numbers[name]
+        _refuse(rows, values <= 0, f"{name} is {{:.6g}}; expected a positive number", values)
     _refuse(
         rows,
-        np.isnan(k) & ("thickness" not in wall),
-        f"opening_angle is not known, and the radii of a sector do not follow from {given[0]} "
+        np.isnan(numbers["opening_angle"]) & (wall != ["thickness"]) & (tube.radii_of != "ring"),
+        f"opening_angle is not known, and the radii of a sector do not follow from {wall[0]} "
         'without it: give the thickness, or radii_of="ring" with the angle',
     )
-    if "thickness" in wall:
-        h = wall["thickness"]
-        return (outer - h, outer) if np.isnan(inner).all() else (inner, inner + h)
-    area = wall["wall_area"] if "wall_area" in wall else wall["wall_volume"] / wall["length"]
-    squares = k * area / np.pi
-    if np.isnan(outer).all():
-        return inner, np.sqrt(inner**2 + squares)
-    too_thick = "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius"
-    _refuse(rows, squares >= outer**2, too_thick, area)
-    return np.sqrt(outer**2 - squares), outer
+    # A radius that is not known in any test follows from the wall.
+    radii = ("inner_radius", "outer_radius")
+    follows = {name: None for name in radii if np.isnan(numbers[name]).all()}
+    both = with_both_radii(replace(tube, **numbers | follows))
+    if wall != ["thickness"] and "inner_radius" in follows:
+        volume, length = numbers.get("wall_volume"), numbers.get("length")
+        area = numbers["wall_area"] if volume is None else volume / length
+        too_thick = "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius"
+        _refuse(rows, np.isfinite(area) & ~(both.inner_radius > 0), too_thick, area)
+    return both
 
 
 def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
@@ -161,7 +142,7 @@ def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
         rows,
         some & np.isnan(angle),
         "the radii are those of a closed ring, and without its opening_angle those of the sector "
-        'are not known: give the angle, or None for both radii, or radii_of="sector"',
+        'are not known: give the angle, or neither radius, or radii_of="sector"',
     )
     _refuse(
         rows,

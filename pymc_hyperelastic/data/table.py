@@ -1,6 +1,7 @@
 """Inflation data from a table of measured points."""
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,40 +16,28 @@ from pymc_hyperelastic.data.columns import (
     rows_of,
 )
 from pymc_hyperelastic.data.extension import stretches_of
-from pymc_hyperelastic.data.geometry import (
-    Convention,
-    RadiiOf,
-    errors_of_tube,
-    reference_tube,
-)
+from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
 from pymc_hyperelastic.data.inflation import POINTS, check_inflation_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
+from pymc_hyperelastic.mechanics.reference_tube import Tube, check_is_tube, stated_wall
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
-from pymc_hyperelastic.quantities import IN_TABLES, MEASURES, POWERS
+from pymc_hyperelastic.quantities import IN_TABLES, POWERS
 
-Measured = Literal["radius", "outer_diameter"]
+MeasuredLength = Literal["radius", "outer_diameter"]
 # Key of a frame's attrs under which read_tests says in which units columns were read.
 UNITS_IN_FILES = "units_in_files"
+# Measures of a tube that does not state them; NaN is not known.
+_UNSTATED = {"inner_radius": nan, "outer_radius": nan, "axial_stretch": 1.0, "opening_angle": 0.0}
 
 
 def inflation_data(
     frame: pd.DataFrame,
+    tube: Tube,
     *,
-    inner_radius: float | str | None,
-    outer_radius: float | str | None,
-    axial_stretch: float | str | None = 1.0,
-    opening_angle: float | str | None = 0.0,
-    opening_angle_convention: Convention | None = None,
-    radii_of: RadiiOf | None = None,
-    thickness: float | str | None = None,
-    wall_area: float | str | None = None,
-    wall_volume: float | str | None = None,
-    length: float | str | None = None,
-    geometry_sd: Mapping[str, float | str] | None = None,
-    measured: Measured = "radius",
+    measured: MeasuredLength = "radius",
     radius_unit: str = "mm",
     pressure_unit: str = "kPa",
     angle_unit: str = "rad",
@@ -67,33 +56,22 @@ def inflation_data(
         ignored. A specimen and an experiment, and where they are there a cycle and a phase,
         together name one test. Its rows stand in the order of inflation or deflation, or of
         axial extension.
-    inner_radius, outer_radius : float, str or None
-        Radii of the reference tube in `radius_unit`: a number, or the name of a column that is
-        constant within each test. None where they are not known: they are then inferred, see
-        ``geometry`` of :func:`~pymc_hyperelastic.inflation_model`; or where the wall says the rest.
-    axial_stretch, opening_angle : float, str or None
-        Axial stretch, and opening angle of the cut ring in `angle_unit`, given in the same way.
-        The column of the stretch may vary within a test: that is then an extension test, mostly at
-        a held pressure. Inflation and extension tests on a specimen stand in one table. Slopes play
-        no part in extension tests.
-    opening_angle_convention : {"whole", "fung"}, optional
-        Which angle, needed unless it is 0 or unknown: ``"whole"``, what the opened sector lacks of
-        a full circle, 2π less its own angle [1]_; ``"fung"``, half of that, the angle between the
-        lines from the middle of the sector's inner side to its two ends [2]_.
-    radii_of : {"sector", "ring"}, optional
-        What the radii are of, needed with an opening angle: the opened ``"sector"``, or the closed
-        unloaded ``"ring"`` before it was cut. Then its wall is taken to keep its area, its length
-        and its middle line when it opens, and so its thickness, see the theory.
-    thickness, wall_area, wall_volume, length : float, str or None
-        With one of the two radii, and None for the other: the thickness of the unloaded wall, or
-        the area of its cross-section, or its volume and length; in `radius_unit`, its square and
-        its cube.
-    geometry_sd : dict of str to float or str, optional
-        Standard deviations of what was measured of the reference tube, of ``thickness``,
-        ``wall_area``, ``inner_radius``, ``outer_radius``, ``axial_stretch`` or ``opening_angle``,
-        each a number or the name of a column, in the units and of the angle that the measures
-        themselves have. They are kept as ``thickness_sd`` and so on, and enter models that are
-        asked to, with :class:`~pymc_hyperelastic.Measured`.
+    tube : Tube
+        Reference tube and axial stretch, see :class:`~pymc_hyperelastic.Tube`. Each measure is a
+        number, or the name of a column that is constant within each test; ``nan`` says that it is
+        not known. Lengths have the unit `radius_unit`, an area its square, a volume its cube, and
+        an angle the unit `angle_unit`. With an opening angle, `tube` has to state the convention,
+        and whether the radii are those of the sector or of the ring.
+
+        A radius that is not stated is not known. It may be inferred, see ``geometry`` of
+        :func:`~pymc_hyperelastic.inflation_model`. An axial stretch that is not stated is 1, and an
+        opening angle 0. A column of the axial stretch may vary within a test, which is then an
+        extension test, mostly at a held pressure. Inflation and extension tests on a specimen stand
+        in one table. Extension tests have no slopes.
+
+        The standard deviations in ``tube.sd`` have the units of their measures, and are of the
+        angle that is given. The Dataset holds them as ``thickness_sd`` and so on;
+        :class:`~pymc_hyperelastic.MeasuredValue` uses them in a model.
     measured : {"radius", "outer_diameter"}
         What was measured against pressure, and has a column of that name: the current internal
         radius, or the current outer diameter, to which the internal radius belongs by
@@ -134,7 +112,8 @@ def inflation_data(
     Raises
     ------
     TypeError
-        If `frame` is not a DataFrame, or a geometry argument is neither a number nor a str.
+        If `frame` is not a DataFrame or `tube` not a Tube, or if a measure of the tube is neither a
+        number nor a str.
     ValueError
         If a column, label or value is missing, is text, is not finite or is impossible for a
         tube; if radii, angle or group change within a test; if an angle or the radii may mean two
@@ -143,15 +122,7 @@ def inflation_data(
 
     See Also
     --------
-    read_tests, select
-
-    References
-    ----------
-    .. [1] G. A. Holzapfel, T. C. Gasser, R. W. Ogden, A new constitutive framework for arterial
-       wall mechanics and a comparative study of material models, Journal of Elasticity 61 (2000)
-       1-48.
-    .. [2] Y. C. Fung, S. Q. Liu, Change of residual strains in arteries due to hypertrophy caused
-       by aortic constriction, Circulation Research 65 (1989) 1340-1349.
+    Tube, read_tests, select
 
     Examples
     --------
@@ -159,32 +130,30 @@ def inflation_data(
     >>> frame = pd.DataFrame(
     ...     {"specimen": "S1", "experiment": 1, "radius": [7.1, 7.6], "pressure": [5.0, 30.0]}
     ... )
-    >>> data = ph.inflation_data(frame, inner_radius=7.0, outer_radius=9.0, pressure_unit="mmHg")
+    >>> data = ph.inflation_data(frame, ph.Tube(7.0, 9.0), pressure_unit="mmHg")
     >>> dict(data.sizes)
     {'obs': 2, 'test': 1}
 
     A closed ring of which one radius, wall area and Fung's angle are known:
 
-    >>> data = ph.inflation_data(
-    ...     frame,
-    ...     inner_radius=None,
+    >>> ring = ph.Tube(
     ...     outer_radius=8.0,
     ...     wall_area=88.0,
     ...     radii_of="ring",
     ...     opening_angle=45.0,
-    ...     opening_angle_convention="fung",
-    ...     angle_unit="deg",
-    ...     pressure_unit="mmHg",
+    ...     convention="fung",
     ... )
+    >>> data = ph.inflation_data(frame, ring, angle_unit="deg", pressure_unit="mmHg")
     >>> [round(data[name].item(), 3) for name in ("inner_radius", "outer_radius")]
     [8.332, 10.333]
     >>> round(float(np.rad2deg(data["opening_angle"].item())), 6)
     90.0
     """
-    if measured not in get_args(Measured):
-        raise ValueError(f"measured is {measured!r}; expected one of {get_args(Measured)}")
+    if measured not in get_args(MeasuredLength):
+        raise ValueError(f"measured is {measured!r}; expected one of {get_args(MeasuredLength)}")
     check_known(check)
     check_frame(frame, measured)
+    check_is_tube(tube)
     problems = Problems(check, frame.attrs.get(UNITS_IN_FILES, {}))
     rows = rows_of(last_cycles(frame, cycles), problems)
     units = {
@@ -196,26 +165,25 @@ def inflation_data(
     points = {name: rows.numbers(name) for name in (measured, "pressure")}
     if "axial_force" in rows.frame:
         points["axial_force"] = rows.numbers("axial_force", may_be_missing=True)
+    given = {name: getattr(tube, name) for name in (*_UNSTATED, *stated_wall(tube))}
+    given |= {name: value for name, value in _UNSTATED.items() if given[name] is None}
+    axial_stretch = given.pop("axial_stretch")
     stretch = rows.of_points("axial_stretch", axial_stretch)
-    tube = {"inner_radius": inner_radius, "outer_radius": outer_radius}
-    tube |= {"opening_angle": opening_angle}
-    wall = {"thickness": thickness, "wall_area": wall_area}
-    wall |= {"wall_volume": wall_volume, "length": length}
-    tube_values = _of_tests(rows, tube, units)
-    wall_values = _of_tests(rows, {n: v for n, v in wall.items() if v is not None}, units)
-    errors = _errors(rows, geometry_sd, units)
+    measures = _of_tests(rows, given, units)
+    errors = _of_tests(rows, tube.sd or {}, units, "sd[{!r}]")
     problems.stop()
 
     stretch, varying = stretches_of(rows, stretch)
     order = order_of_points(rows, measured, points, stretch, varying)
     values = {name: _internal(numbers[order], name, units) for name, numbers in points.items()}
     values["axial_stretch"] = stretch[order] if varying.any() else stretch[rows.first]
-    values |= reference_tube(rows, tube_values, wall_values, opening_angle_convention, radii_of)
-    values |= errors_of_tube(rows, errors, opening_angle_convention, radii_of)
+    sector = reference_tube(rows, tube, measures)
+    values |= sector
+    values |= errors_of_tube(rows, tube, errors)
     group = labels_of(rows.frame, "group") if "group" in rows.frame else np.full(len(order), "all")
     groups = rows.constant("group", group)
     if measured == "outer_diameter":
-        geometry = {name: values[name][rows.test[order]] for name in tube}
+        geometry = {name: values[name][rows.test[order]] for name in sector}
         geometry["axial_stretch"] = stretch[order]
         # NaN where the geometry is not known or the wall does not fit in.
         with np.errstate(invalid="ignore"):
@@ -229,34 +197,20 @@ def inflation_data(
     problems.stop()
     check_inflation_data(data)
     rows.doubt_overlooked("axial_stretch", axial_stretch)
-    rows.doubt_overlooked("opening_angle", opening_angle)
+    rows.doubt_overlooked("opening_angle", given["opening_angle"])
     check_plausible(data, problems)
     problems.report()
     return data
 
 
 def _of_tests(
-    rows: Rows, given: Mapping[str, float | str | None], units: Mapping[str, str], form: str = "{}"
+    rows: Rows, given: Mapping[str, float | str], units: Mapping[str, str], form: str = "{}"
 ) -> dict[str, np.ndarray]:
     """One number a test of measures of the tube, in the units of the package."""
     return {
         name: _internal(rows.of_tests(form.format(name), value), name, units)
         for name, value in given.items()
     }
-
-
-def _errors(
-    rows: Rows, given: Mapping[str, float | str] | None, units: Mapping[str, str]
-) -> dict[str, np.ndarray]:
-    """Standard deviations of measures of the tube by test."""
-    if given is not None and not isinstance(given, Mapping):
-        raise TypeError(
-            'geometry_sd must be a dict such as {"thickness": 0.01}, not ' + type(given).__name__
-        )
-    for name in given or {}:
-        if name not in MEASURES:
-            raise ValueError(f"geometry_sd holds {name!r}; expected some of {list(MEASURES)}")
-    return _of_tests(rows, given or {}, units, "geometry_sd[{!r}]")
 
 
 def _internal(values: np.ndarray, name: str, units: Mapping[str, str]) -> np.ndarray:

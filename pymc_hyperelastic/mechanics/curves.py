@@ -4,25 +4,27 @@ Source of the axial force: J. D. Humphrey, Cardiovascular Solid Mechanics, Sprin
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.integrals import wall_force, wall_pressure
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry, double, tube_of
+from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube, check_is_tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+
+# Measures of a tube that does not state them.
+_DEFAULTS = {"axial_stretch": 1.0, "opening_angle": 0.0}
 
 
 def inflation_pressure(
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
+    tube: Tube,
     *,
-    inner_radius: Any,
-    outer_radius: Any = None,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
     order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
@@ -40,13 +42,11 @@ def inflation_pressure(
         :class:`~pymc_hyperelastic.Layer`.
     internal_radius : tensor_like
         Current internal radius ``a``, mm.
-    inner_radius, outer_radius : tensor_like
-        Reference radii ``A < B``, mm; with layers no outer radius, they have their thickness.
-    axial_stretch : tensor_like, default 1
-        Axial stretch ``λz``.
-    opening_angle : tensor_like, default 0
-        Opening angle ``Φ``, radians: what the opened sector lacks of a full circle, twice Fung's.
-        The radii are then those of the sector.
+    tube : Tube
+        Reference tube and axial stretch, see :class:`~pymc_hyperelastic.Tube`: its inner radius
+        ``A``, its outer radius ``B`` or a measure of its wall, the axial stretch ``λz``, by default
+        1, and the opening angle ``Φ``, by default 0. Lengths are in mm, angles in radians. Layers
+        have their thickness: with them the tube has an inner radius alone.
     order : int, default 32
         Nodes of the quadrature, on each piece of a wall in which fibres slacken. Twelve do for the
         wall of an artery, in half of the time.
@@ -61,35 +61,30 @@ def inflation_pressure(
     Raises
     ------
     TypeError
-        If a material parameter is missing or unknown.
+        If a material parameter is missing or unknown, or if a radius is missing.
     ValueError
-        If a number given as geometry is impossible (``outer_radius <= inner_radius``, say).
+        If a number of the tube is impossible (``outer_radius <= inner_radius``, say).
 
     See Also
     --------
-    inflation_stiffness, axial_force
+    Tube, inflation_stiffness, axial_force
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> p = ph.inflation_pressure(
-    ...     ph.Ogden(), [7.0, 8.0, 9.0], inner_radius=7.0, outer_radius=9.0, mu=6.0, alpha=8.0
-    ... )
+    >>> tube = ph.Tube(inner_radius=7.0, outer_radius=9.0)
+    >>> p = ph.inflation_pressure(ph.Ogden(), [7.0, 8.0, 9.0], tube, mu=6.0, alpha=8.0)
     >>> (p.eval() / ph.mmHg).round(2)
     array([ 0.  ,  8.88, 19.  ])
     """
-    reference = inner_radius, outer_radius, axial_stretch, opening_angle
-    return _curves(wall_pressure, energy, internal_radius, reference, parameters, order)[0]
+    return _curves(wall_pressure, energy, internal_radius, tube, parameters, order)[0]
 
 
 def inflation_stiffness(
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
+    tube: Tube,
     *,
-    inner_radius: Any,
-    outer_radius: Any = None,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
     order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
@@ -110,24 +105,18 @@ def inflation_stiffness(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> s = ph.inflation_stiffness(
-    ...     ph.Ogden(), 8.0, inner_radius=7.0, outer_radius=9.0, mu=6.0, alpha=8.0
-    ... )
+    >>> s = ph.inflation_stiffness(ph.Ogden(), 8.0, ph.Tube(7.0, 9.0), mu=6.0, alpha=8.0)
     >>> round(float(s.eval()), 3)
     1.165
     """
-    reference = inner_radius, outer_radius, axial_stretch, opening_angle
-    return _curves(wall_pressure, energy, internal_radius, reference, parameters, order)[1]
+    return _curves(wall_pressure, energy, internal_radius, tube, parameters, order)[1]
 
 
 def axial_force(
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
+    tube: Tube,
     *,
-    inner_radius: Any,
-    outer_radius: Any = None,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
     order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
@@ -152,25 +141,30 @@ def axial_force(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> force = ph.axial_force(
-    ...     ph.NeoHookean(), 1.0, inner_radius=1.0, outer_radius=1.5, axial_stretch=1.2, mu=10.0
-    ... )
+    >>> tube = ph.Tube(inner_radius=1.0, outer_radius=1.5, axial_stretch=1.2)
+    >>> force = ph.axial_force(ph.NeoHookean(), 1.0, tube, mu=10.0)
     >>> round(float(force.eval()), 3)
     19.641
     """
-    reference = inner_radius, outer_radius, axial_stretch, opening_angle
-    return _curves(wall_force, energy, internal_radius, reference, parameters, order)[0]
+    return _curves(wall_force, energy, internal_radius, tube, parameters, order)[0]
 
 
 def _curves(
     integral: Callable,
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
-    reference: Sequence[Any],
+    tube: Tube,
     parameters: Mapping[str, Any],
     order: int,
 ) -> tuple[Tensor, Tensor]:
     """Check the geometry, and integrate over the wall."""
-    check_geometry(internal_radius=internal_radius, **dict(zip(GEOMETRY, reference, strict=True)))
-    radius = double(internal_radius)
-    return integral(tube_of(energy, reference, parameters), radius, order)
+    check_is_tube(tube)
+    stated = {name: getattr(tube, name) for name in (*GEOMETRY, *WALL)}
+    check_geometry(internal_radius=internal_radius, **stated)
+    numbers = {name: double(value) for name, value in stated.items()}
+    geometry = _DEFAULTS | replace(tube, **numbers).geometry()
+    check_geometry(**geometry)
+    if "inner_radius" not in geometry:
+        raise TypeError(f"{tube} has no inner_radius: the reference inner radius of the tube, mm")
+    reference = [geometry.get(name) for name in GEOMETRY]
+    return integral(tube_of(energy, reference, parameters), double(internal_radius), order)

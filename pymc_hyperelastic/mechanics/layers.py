@@ -40,14 +40,14 @@ class Layer:
 
     See Also
     --------
-    inflation_pressure, Measured
+    inflation_pressure, MeasuredValue
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
     >>> media = ph.Layer(ph.NeoHookean(), 0.26, mu=30.0)
     >>> adventitia = ph.Layer(ph.Demiray(), 0.13, mu=3.0, b=2.0)
-    >>> pressure = ph.inflation_pressure([media, adventitia], 1.6, inner_radius=1.43)
+    >>> pressure = ph.inflation_pressure([media, adventitia], 1.6, ph.Tube(1.43))
     >>> round(float(pressure.eval()), 3)
     1.671
     """

@@ -1,10 +1,12 @@
 """The reference tube, in the words in which a user states it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opened_sector
+from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import MEASURES
 
 Convention = Literal["whole", "fung"]
 RadiiOf = Literal["sector", "ring"]
@@ -56,8 +58,11 @@ class Tube:
 
     Raises
     ------
+    TypeError
+        If `sd` is no dict.
     ValueError
-        If the convention is unknown, or if the wall has too many measures.
+        If the convention is unknown, if the wall has too many measures, or if `sd` names an unknown
+        measure.
 
     See Also
     --------
@@ -66,9 +71,11 @@ class Tube:
     Notes
     -----
     In :func:`inflation_data` each measure may be the name of a column of the table instead of a
-    number, and the units are those that the function is told. There ``nan``, or no radius, means
-    that a measure is not known. In :func:`inflation_pressure` each measure may be an array or a
-    random variable.
+    number, and the units are those that the function is told. There ``nan`` means that a measure
+    is not known; a radius that is not stated is not known either. In :func:`inflation_pressure`
+    each measure may be an array or a random variable, and a wall of layers has no outer radius.
+
+    A tube does not change. ``dataclasses.replace(tube, axial_stretch=1.2)`` returns a changed copy.
 
     References
     ----------
@@ -111,7 +118,7 @@ class Tube:
             value = getattr(self, name)
             if value is not None and value not in options:
                 raise ValueError(f"{name} is {value!r}; expected one of {options}")
-        wall = [name for name in WALL if getattr(self, name) is not None]
+        wall = stated_wall(self)
         if wall and wall not in (["thickness"], ["wall_area"], ["wall_volume", "length"]):
             raise ValueError(
                 f"of the wall {', '.join(wall)} {'is' if len(wall) == 1 else 'are'} given; "
@@ -122,6 +129,13 @@ class Tube:
                 f"{', '.join(wall)} is given with both radii of the tube; leave one of the radii, "
                 "or the measure of the wall, away"
             )
+        if self.sd is not None and not isinstance(self.sd, Mapping):
+            raise TypeError(
+                'sd must be a dict such as {"thickness": 0.01}, not ' + type(self.sd).__name__
+            )
+        for name in self.sd or {}:
+            if name not in MEASURES:
+                raise ValueError(f"sd holds {name!r}; expected some of {list(MEASURES)}")
 
     def __repr__(self) -> str:
         stated = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -134,48 +148,85 @@ class Tube:
         Raises
         ------
         ValueError
-            If a measure of the wall is given without a radius, or if only one radius of a closed
-            ring is known.
+            If a measure of the wall is given without a radius, if only one radius of a closed ring
+            is known, or if errors of measures are given.
         """
-        known = {name: getattr(self, name) for name in GEOMETRY}
+        if self.sd is not None:
+            raise ValueError("only ph.inflation_data accepts errors of the tube; leave sd away")
+        both = with_both_radii(self)
+        known = {name: getattr(both, name) for name in GEOMETRY}
         known = {name: value for name, value in known.items() if value is not None}
-        if self.convention == "fung" and "opening_angle" in known:
-            known["opening_angle"] = 2 * known["opening_angle"]
-        ring = self.radii_of == "ring" and "opening_angle" in known
-        angle = known.pop("opening_angle") if ring else None
-        known |= self._wall(known)
-        if "thickness" in known or "wall_area" in known:
-            known = inferred_geometry(known)
-        if not ring:
+        if "opening_angle" not in known:
+            return known
+        angle = known["opening_angle"] = whole_angle(self)
+        if self.radii_of != "ring":
             return known
         if ("inner_radius" in known) != ("outer_radius" in known):
-            raise ValueError(f"{self}: only one radius of the closed ring is known; give both")
+            raise ValueError(
+                "only one radius of the closed ring is known; give both radii, or one with the "
+                "thickness or the wall area"
+            )
         if "inner_radius" in known:
             radii = known["inner_radius"], known["outer_radius"]
             inner, outer = opened_sector(*radii, opening_angle=angle)
             known |= {"inner_radius": inner, "outer_radius": outer}
-        return known | {"opening_angle": angle}
-
-    def _wall(self, known: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the thickness or the wall area, or the inner radius that follows from them."""
-        area = self.wall_area
-        if self.wall_volume is not None:
-            area = self.wall_volume / self.length
-        measure = {"thickness": self.thickness} if self.thickness is not None else {}
-        measure |= {"wall_area": area} if area is not None else {}
-        if not measure or "inner_radius" in known:
-            return measure
-        if "outer_radius" not in known:
-            raise ValueError(f"{self}: a measure of the wall needs one radius; give it")
-        return {"inner_radius": _inner_radius(known, **measure)}
+        return known
 
 
-def _inner_radius(known: Mapping[str, Any], thickness: Any = None, wall_area: Any = None) -> Any:
-    """Inner radius of a wall whose outer radius is known."""
-    outer = known["outer_radius"]
-    if thickness is not None:
-        return outer - thickness
-    # A negative area takes the wall away from a tube of the outer radius.
-    inside = {"inner_radius": outer, "wall_area": -wall_area}
-    angle = {"opening_angle": known["opening_angle"]} if "opening_angle" in known else {}
-    return inferred_geometry(inside | angle)["outer_radius"]
+def check_is_tube(tube: Any) -> None:
+    """Raise TypeError unless `tube` is a :class:`Tube`."""
+    if not isinstance(tube, Tube):
+        raise TypeError(
+            f"tube is {shown(tube)}; expected a reference tube such as ph.Tube(7.0, 9.0), with the "
+            "inner and the outer radius"
+        )
+
+
+def stated_wall(tube: Tube) -> list[str]:
+    """Return the names of the measures of the wall that are stated."""
+    return [name for name in WALL if getattr(tube, name) is not None]
+
+
+def with_both_radii(tube: Tube) -> Tube:
+    """Return a tube whose second radius, mm, replaces the measure of its wall.
+
+    A tube without a measure of the wall is returned unchanged. The radii of a closed ring stay
+    those of the ring.
+
+    Raises
+    ------
+    ValueError
+        If neither radius is given with the measure of the wall.
+    """
+    wall = stated_wall(tube)
+    if not wall:
+        return tube
+    if tube.inner_radius is None and tube.outer_radius is None:
+        raise ValueError(
+            f"{', '.join(wall)} is given with neither inner_radius nor outer_radius; give one"
+        )
+    area = tube.wall_area if tube.wall_volume is None else tube.wall_volume / tube.length
+    radii = {"inner_radius": tube.inner_radius, "outer_radius": tube.outer_radius}
+    if tube.inner_radius is None and tube.thickness is not None:
+        radii["inner_radius"] = tube.outer_radius - tube.thickness
+    elif tube.inner_radius is None:
+        # A negative area takes the wall away from a tube of the outer radius.
+        radii["inner_radius"] = _outer_radius(tube, tube.outer_radius, wall_area=-area)
+    elif tube.thickness is not None:
+        radii["outer_radius"] = _outer_radius(tube, tube.inner_radius, thickness=tube.thickness)
+    else:
+        radii["outer_radius"] = _outer_radius(tube, tube.inner_radius, wall_area=area)
+    return replace(tube, **dict.fromkeys(WALL), **radii)
+
+
+def _outer_radius(tube: Tube, inner_radius: Any, **wall: Any) -> Any:
+    """Outer radius of a tube of this inner radius and this measure of the wall."""
+    known = {"inner_radius": inner_radius, **wall}
+    if tube.opening_angle is not None and tube.radii_of != "ring":
+        known["opening_angle"] = whole_angle(tube)
+    return inferred_geometry(known)["outer_radius"]
+
+
+def whole_angle(tube: Tube) -> Any:
+    """Return the angle, rad, that the opened sector lacks of a full circle."""
+    return 2 * tube.opening_angle if tube.convention == "fung" else tube.opening_angle

@@ -33,7 +33,7 @@ _BEHIND = {
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredValue:
     r"""A measure of the tube that was measured with an error, for each specimen by itself.
 
     With the measured value ``v`` and its standard deviation ``s``, a specimen has
@@ -68,7 +68,7 @@ class Measured:
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> model = ph.inflation_model(
-    ...     ph.Ogden(), data, 4 * ph.mmHg, geometry={"thickness": ph.Measured(sd=0.1)}
+    ...     ph.Ogden(), data, 4 * ph.mmHg, geometry={"thickness": ph.MeasuredValue(sd=0.1)}
     ... )
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'thickness_deviation']
@@ -99,16 +99,16 @@ def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, An
             raise ValueError(
                 f"a prior is given for {name!r}; of a tube one may infer {[*MEASURES]}"
             )
-        if not isinstance(prior, Measured):
+        if not isinstance(prior, MeasuredValue):
             check_prior(name, prior, model=model)
     outer = [name for name in _OUTER if name in given]
     if len(outer) > 1:
         raise ValueError(f"{outer} state the same: give a prior for one of them")
     wall = [name for name in outer if name != "outer_radius"]
-    if wall and "inner_radius" not in given and not isinstance(given[wall[0]], Measured):
+    if wall and "inner_radius" not in given and not isinstance(given[wall[0]], MeasuredValue):
         raise ValueError(
             f"{wall[0]} is inferred together with inner_radius; where that is known, give a prior "
-            f"for outer_radius, or ph.Measured(sd=...) if {wall[0]} was measured with an error"
+            f"for outer_radius, or ph.MeasuredValue(sd=...) if {wall[0]} was measured with an error"
         )
     return given
 
@@ -116,24 +116,24 @@ def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, An
 def check_measured_only(geometry: Mapping[str, Any]) -> None:
     """Raise if a measure of the tube has a prior that is none of its specimen's own."""
     for name, value in geometry.items():
-        if not isinstance(value, Measured):
+        if not isinstance(value, MeasuredValue):
             raise TypeError(
                 f"geometry holds {value!r} for {name!r}; where specimens differ, expected "
-                "ph.Measured(): the measured value of each, with its error"
+                "ph.MeasuredValue(): the measured value of each, with its error"
             )
 
 
-def measured_of(geometry: Mapping[str, Any]) -> dict[str, Measured]:
+def measured_of(geometry: Mapping[str, Any]) -> dict[str, MeasuredValue]:
     """Those that were measured with an error."""
-    return {name: value for name, value in geometry.items() if isinstance(value, Measured)}
+    return {name: value for name, value in geometry.items() if isinstance(value, MeasuredValue)}
 
 
 def priors_of(geometry: Mapping[str, Any]) -> dict[str, Any]:
     """Those that have a prior, one value for all tests."""
-    return {name: value for name, value in geometry.items() if not isinstance(value, Measured)}
+    return {name: value for name, value in geometry.items() if not isinstance(value, MeasuredValue)}
 
 
-def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: bool) -> None:
+def check_measured(data: xr.Dataset, measured: Mapping[str, MeasuredValue], layered: bool) -> None:
     """Raise unless the data hold the values and errors of all measures with an error."""
     if layered and set(measured) & set(_OUTER):
         raise ValueError(
@@ -141,18 +141,18 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: 
             "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
         )
     if "axial_stretch" in measured:
-        _check_held(data, "and ph.Measured holds one error for all of it")
+        _check_held(data, "and ph.MeasuredValue holds one error for all of it")
     for name, value in measured.items():
         for needed in _BEHIND.get(name, (name,)):
-            who = f"geometry={{{name!r}: ph.Measured(...)}}"
+            who = f"geometry={{{name!r}: ph.MeasuredValue(...)}}"
             _check_known(data, needed, f", and {who} needs it")
         if value.sd is None:
             if f"{name}_sd" not in data:
                 raise ValueError(
-                    f"the data hold no {name}_sd: give ph.inflation_data(..., geometry_sd="
-                    f"{{{name!r}: ...}}), or the number here, ph.Measured(sd=...)"
+                    f"the data hold no {name}_sd: state it with the data, ph.Tube(..., sd="
+                    f"{{{name!r}: ...}}), or give the number here, ph.MeasuredValue(sd=...)"
                 )
-            _check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
+            _check_known(data, f"{name}_sd", ", and ph.MeasuredValue() needs it")
 
 
 def check_tube(
@@ -167,7 +167,7 @@ def check_tube(
         if "outer_radius" in inferred or not data["outer_radius"].isnull().all():
             raise ValueError(
                 "layers state the thickness of the wall, and the data its outer radius: leave that "
-                "away, ph.inflation_data(..., outer_radius=None)"
+                "away, ph.inflation_data(frame, ph.Tube(inner_radius=...))"
             )
     if "axial_stretch" in inferred:
         _check_held(data, "in which it was measured, and geometry holds one value for all tests")
@@ -227,7 +227,7 @@ def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> d
 
 
 def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a tube that deviates from the measured one, see :class:`Measured`.
+    """Return a tube that deviates from the measured one, see :class:`MeasuredValue`.
 
     The `tube` holds measured values, and their errors by names such as ``thickness_sd``. Deviations
     are in standard deviations.

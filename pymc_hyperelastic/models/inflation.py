@@ -80,13 +80,13 @@ def inflation_model(
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. The default is
         uniform over a documented physical range. A vector parameter has a prior of its size.
-    geometry : dict of str to distribution or Measured, optional
+    geometry : dict of str to distribution or MeasuredValue, optional
         Priors of an unknown tube, one value for all tests: ``inner_radius``, ``axial_stretch``,
         ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm) or ``wall_area``
         (mm², of the cross-section of the unloaded ring). Radii are those of the opened sector, and
         the angle is the whole one that it lacks of a full circle. In place of a prior
-        :class:`~pymc_hyperelastic.Measured` states the error of the value in the data, for each
-        specimen by itself.
+        :class:`~pymc_hyperelastic.MeasuredValue` states the error of the value in the data, for
+        each specimen by itself.
     rising : bool, default False
         Whether the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior

@@ -27,7 +27,7 @@ from pymc_hyperelastic.models.class_distribution import (
 )
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import (
-    Measured,
+    MeasuredValue,
     check_geometry,
     check_measured_only,
     register_deviations,
@@ -60,7 +60,7 @@ class Population:
     experiment_effect: bool = False
     reference_stress: float | None = 20.0
     priors: Mapping[str, Any] | None = None
-    geometry: Mapping[str, Measured] = field(default_factory=dict)
+    geometry: Mapping[str, MeasuredValue] = field(default_factory=dict)
 
     @cached_property
     def scale(self) -> NaturalScale:
@@ -131,7 +131,7 @@ def population_model(
     data: xr.Dataset,
     likelihood: Likelihood | Any,
     *,
-    geometry: Mapping[str, Measured] | None = None,
+    geometry: Mapping[str, MeasuredValue] | None = None,
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
     priors: Mapping[str, Any] | None = None,
@@ -162,9 +162,10 @@ def population_model(
         As in :func:`~pymc_hyperelastic.inflation_model`. A distribution is the prior of the class's
         median; each specimen has its own standard deviation, such as ``specimen_pressure_sd``.
         Pressures must have the error, and `slope_weight` and `force_offset_sd` must be numbers.
-    geometry : dict of str to Measured, optional
-        Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
-        each specimen then has its own ``thickness_deviation`` and ``thickness``.
+    geometry : dict of str to MeasuredValue, optional
+        Measures of the tube that have an error, such as
+        ``{"thickness": ph.MeasuredValue(sd=0.01)}``: each specimen then has its own
+        ``thickness_deviation`` and ``thickness``.
     experiment_effect : bool, default False
         Whether tests of one specimen differ by more than noise, as at several axial stretches of a
         material whose law does not couple the directions rightly. Otherwise ``ω = 0``.

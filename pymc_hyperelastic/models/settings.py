@@ -27,7 +27,7 @@ from pymc_hyperelastic.evidence.stored import (
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.models.geometry import Measured, check_geometry
+from pymc_hyperelastic.models.geometry import MeasuredValue, check_geometry
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.priors import (
     complete_layers,
@@ -121,7 +121,7 @@ class ModelSettings:
         wall: StrainEnergy | Sequence[Layer],
         priors: Mapping[str, TensorVariable] | None = None,
         likelihood: Likelihood | None = None,
-        geometry: Mapping[str, Measured] | None = None,
+        geometry: Mapping[str, MeasuredValue] | None = None,
         **others: Any,
     ) -> "ModelSettings":
         """Return the record of a model; ValueError if something cannot be stored."""
@@ -178,9 +178,9 @@ class ModelSettings:
         """Return the likelihood, if there is one."""
         return None if self.likelihood is None else Likelihood.from_record(self.likelihood)
 
-    def make_geometry(self) -> dict[str, Measured]:
+    def make_geometry(self) -> dict[str, MeasuredValue]:
         """Return the measures of a tube that have an error."""
-        return check_geometry({name: Measured(sd) for name, sd in self.geometry_sd.items()})
+        return check_geometry({name: MeasuredValue(sd) for name, sd in self.geometry_sd.items()})
 
     def make_wall(self) -> StrainEnergy | list[Layer]:
         """Return the material, or the layers as the user stated them."""

@@ -19,7 +19,7 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.geometry import Measured, deviation_name
+from pymc_hyperelastic.models.geometry import MeasuredValue, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.settings import ModelSettings
 
@@ -162,7 +162,7 @@ class Study:
         """Unknowns of the study that are no free variables of a model that was made of its own."""
         unknowns = {*self.priors, *(self.likelihood.unknowns if self.likelihood else ())}
         for name, value in self.geometry.items():
-            unknowns.add(deviation_name(name) if isinstance(value, Measured) else name)
+            unknowns.add(deviation_name(name) if isinstance(value, MeasuredValue) else name)
         return unknowns - {rv.name for rv in model.free_RVs}
 
     def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:

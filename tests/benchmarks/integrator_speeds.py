@@ -51,17 +51,17 @@ def data_of(law, *, force, extended, slack):
         tests += [(radius - 0.1 * (stretch - 1.4), stretch) for radius in RADII]
     rng, rows = np.random.default_rng(1), []
     for number, (radius, stretch) in enumerate(tests):
-        tube = TUBE | {"axial_stretch": stretch} | LAWS[law.name]
+        tube, material = ph.Tube(**TUBE, axial_stretch=stretch), LAWS[law.name]
         measured = {"radius": radius, "stretch": stretch, "experiment": number, "specimen": "A"}
         noise = rng.standard_normal((2, POINTS))
-        pressure = ph.inflation_pressure(law, radius, **tube).eval(mode="FAST_COMPILE")
-        measured["pressure"] = pressure + 0.15 * noise[0]
+        pressure = ph.inflation_pressure(law, radius, tube, **material)
+        measured["pressure"] = pressure.eval(mode="FAST_COMPILE") + 0.15 * noise[0]
         if force:
-            axial_force = ph.axial_force(law, radius, **tube).eval(mode="FAST_COMPILE")
-            measured["axial_force"] = axial_force + 0.5 * noise[1]
+            axial_force = ph.axial_force(law, radius, tube, **material)
+            measured["axial_force"] = axial_force.eval(mode="FAST_COMPILE") + 0.5 * noise[1]
         rows.append(pd.DataFrame(measured))
     frame = pd.concat(rows)
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **TUBE)
+    return ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), check="ignore")
 
 
 def density(law, data, noise):

@@ -80,8 +80,7 @@ def as_inflation_data(curves):
     ]
     return ph.inflation_data(
         pd.concat(tables),
-        inner_radius=INNER_RADIUS,
-        outer_radius=OUTER_RADIUS,
+        ph.Tube(inner_radius=INNER_RADIUS, outer_radius=OUTER_RADIUS),
         check="ignore",
     )
 

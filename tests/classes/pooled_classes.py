@@ -29,7 +29,7 @@ def new_data():
         points = {name: one[name].values for name in ("radius", "pressure")}
         tables.append(pd.DataFrame(points).assign(specimen=specimen, experiment=experiment))
     data = pd.concat(tables, ignore_index=True)
-    return ph.inflation_data(data, inner_radius=7.0, outer_radius=9.0)
+    return ph.inflation_data(data, ph.Tube(7.0, 9.0))
 
 
 @cache

@@ -33,8 +33,8 @@ def protocols(growth=1.1):
     frame = pd.concat([pd.DataFrame(t).assign(experiment=i) for i, t in enumerate(tests)])
     frame = frame.assign(specimen="A", pressure=60 * (frame["radius"] / growth - 0.4))
     frame["axial_force"] = 30 * (frame["stretch"] - 1.2)
-    tube = {"inner_radius": 0.45, "outer_radius": 0.57}
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube)
+    tube = ph.Tube(inner_radius=0.45, outer_radius=0.57, axial_stretch="stretch")
+    return ph.inflation_data(frame, tube, check="ignore")
 
 
 def sampler_of(data):

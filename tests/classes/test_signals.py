@@ -23,7 +23,9 @@ PRIOR = (50.0, 15.0)
 # Nats, of differences between evidences of some thousand draws each.
 TOLERANCE = 0.15
 FUNCTIONS = (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
-UNIT = [f(ph.NeoHookean(), RADIUS, mu=1.0, **TUBE).eval(mode=AS_WRITTEN) for f in FUNCTIONS]
+UNIT = [
+    f(ph.NeoHookean(), RADIUS, ph.Tube(**TUBE), mu=1.0).eval(mode=AS_WRITTEN) for f in FUNCTIONS
+]
 UNIT[1] = UNIT[1][1:-1]
 
 
@@ -36,7 +38,7 @@ def tubes(specimens, seed):
         table["pressure"] = mu * UNIT[0] + offset + 0.2 * noise[0]
         table["axial_force"] = mu_of_force * UNIT[2] + 5.0 * noise[1]
         tables.append(pd.DataFrame(table))
-    return ph.inflation_data(pd.concat(tables, ignore_index=True), **TUBE, check="ignore")
+    return ph.inflation_data(pd.concat(tables, ignore_index=True), ph.Tube(**TUBE), check="ignore")
 
 
 # The class with one specimen is known least.

@@ -185,10 +185,10 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
     frame["radius"] = np.r_[radius, np.full(5, 8.0)]
     frame["stretch"] = np.r_[np.full(5, 1.1), stretch]
     frame["pressure"], frame["axial_force"] = rng.uniform(1, 9, 10), rng.normal(0, 90, 10)
-    given = {"geometry_sd": {"thickness": thickness_sd}, "check": "ignore"}
-    data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", **given)
+    tube = ph.Tube(**TUBE, axial_stretch="stretch", sd={"thickness": thickness_sd})
+    data = ph.inflation_data(frame, tube, check="ignore")
     errors = {"pressure_sd": PRESSURE_SD, "force_sd": 12.0, "force_offset_sd": offset}
-    sampler = sampler_of(data, ph.Gaussian(**errors), geometry={"thickness": ph.Measured()})
+    sampler = sampler_of(data, ph.Gaussian(**errors), geometry={"thickness": ph.MeasuredValue()})
     target = sampler.target(data)
     (point,) = target.draw_prior(1, rng)
     wall = neo_hookean(modulus(point[0])), 2.0 * np.exp(point[1] * thickness_sd / 2.0)
@@ -202,10 +202,10 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
 def test_curves_of_a_class_are_accurate_for_what_could_have_been_measured():
     """Ogden's law over wide priors and large stretches."""
     radius = np.linspace(7.5, 16.0, 60)
-    pressure = ph.inflation_pressure(ph.Ogden(), radius, mu=20.0, alpha=2.5, **TUBE)
+    pressure = ph.inflation_pressure(ph.Ogden(), radius, ph.Tube(**TUBE), mu=20.0, alpha=2.5)
     points = {"radius": radius, "pressure": pressure.eval(mode=AS_WRITTEN)}
     frame = pd.DataFrame(points).assign(specimen="A", experiment=1)
-    data = ph.inflation_data(frame, **TUBE, check="ignore")
+    data = ph.inflation_data(frame, ph.Tube(**TUBE), check="ignore")
     forward = sampler_of(data, energy=ph.Ogden()).forward
     rng = np.random.default_rng(SEED)
     values = {"mu": rng.uniform(5, 40, 50), "alpha": rng.uniform(1.5, 4.0, 50)}

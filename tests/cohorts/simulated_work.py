@@ -31,7 +31,7 @@ def cohort(specimens: int = SPECIMENS, seed: int = 1) -> xr.Dataset:
             labels = {"specimen": f"S{specimen}", "experiment": experiment}
             pressure = (radius - 7) * rng.uniform(4, 6) + 0.1 * rng.standard_normal(5)
             frames.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure}))
-    return ph.inflation_data(pd.concat(frames), inner_radius=7.0, outer_radius=9.0, check="ignore")
+    return ph.inflation_data(pd.concat(frames), ph.Tube(7.0, 9.0), check="ignore")
 
 
 @dataclass(frozen=True)

@@ -162,15 +162,15 @@ def test_long_calls_resume_from_their_stores(tmp_path, monkeypatch):
 def test_a_doubtful_fit_is_warned_of_and_told(tmp_path):
     """A wall that is stiffer than its prior allows, beside one that is not."""
     radius = np.linspace(2.55, 2.7, 8)
-    tube = {"inner_radius": 2.5, "outer_radius": 3.0}
-    unit = ph.inflation_pressure(ph.NeoHookean(), radius, **tube, mu=1.0)
+    tube = ph.Tube(inner_radius=2.5, outer_radius=3.0)
+    unit = ph.inflation_pressure(ph.NeoHookean(), radius, tube, mu=1.0)
     points = {"experiment": 1, "radius": radius}
     pressure = unit.eval(mode="FAST_COMPILE")
     frames = [
         pd.DataFrame({"specimen": name, **points, "pressure": mu * pressure})
         for name, mu in {"soft": 50.0, "stiff": 600.0}.items()
     ]
-    data = ph.inflation_data(pd.concat(frames, ignore_index=True), **tube)
+    data = ph.inflation_data(pd.concat(frames, ignore_index=True), tube)
     settings = {"random_seed": 1, "progressbar": False}
     with pytest.warns(UserWarning, match=r"1 of 2 have a doubtful fit.* is stiff: .*limit 200"):
         ph.fit_cohort(ph.NeoHookean(), data, 0.5, tmp_path, cores=1, **settings)

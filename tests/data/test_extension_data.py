@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
+import tables
 import xarray as xr
-from tables import GEOMETRY
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import (
@@ -38,7 +38,8 @@ def both() -> pd.DataFrame:
 
 
 def build(frame, **arguments) -> xr.Dataset:
-    return ph.inflation_data(frame, **GEOMETRY, **{"axial_stretch": "stretch", **arguments})
+    known = tables.GEOMETRY | {"axial_stretch": "stretch"}
+    return ph.inflation_data(frame, **tables.with_tube(known | arguments))
 
 
 def test_held_stretches_lie_on_the_tests_also_where_they_are_rounded():

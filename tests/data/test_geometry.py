@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from tables import build, good_frame
 
+from pymc_hyperelastic import Tube, inflation_data
+
 ROUNDING = 1e-12
 
 # One tube: a ring of radii 7 and 9 mm that opens by 60 degrees in all, 30 by Fung.
 RING = {"inner_radius": 7.0, "outer_radius": 9.0, "radii_of": "ring"}
 OPENED = {"inner_radius": 8.6, "outer_radius": 10.6, "radii_of": "sector"}
-WHOLE = {"opening_angle": 60.0, "opening_angle_convention": "whole", "angle_unit": "deg"}
-FUNG = {"opening_angle": 30.0, "opening_angle_convention": "fung", "angle_unit": "deg"}
+WHOLE = {"opening_angle": 60.0, "convention": "whole", "angle_unit": "deg"}
+FUNG = {"opening_angle": 30.0, "convention": "fung", "angle_unit": "deg"}
 AREA = np.pi * (9.0**2 - 7.0**2)
 MICROMETRES = {"radius_unit": "um", "inner_radius": None, "outer_radius": 9e3}
 MICROMETRES["wall_area"] = AREA * 1e6
@@ -40,7 +42,7 @@ def test_every_way_to_state_a_tube_gives_its_opened_sector(stated):
 
 def test_columns_may_state_a_ring_of_each_test():
     frame = good_frame().assign(angle=[30.0, 30.0, 0.0, 0.0, -15.0, -15.0], h=2.0)
-    stated = {"opening_angle": "angle", "opening_angle_convention": "fung", "angle_unit": "deg"}
+    stated = {"opening_angle": "angle", "convention": "fung", "angle_unit": "deg"}
     data = build(
         frame, **RING | stated | {"inner_radius": "A", "outer_radius": None}, thickness="h"
     )
@@ -51,14 +53,39 @@ def test_columns_may_state_a_ring_of_each_test():
     assert data["inner_radius"].values[1] == 7.0 and data["outer_radius"].values[1] == 9.0
 
 
+def test_what_is_not_stated_has_a_default_and_nan_is_not_known():
+    """Radii are not known, the axial stretch is 1 and the opening angle 0."""
+    frame = good_frame()
+    data = inflation_data(frame, Tube())
+    assert np.isnan(data["inner_radius"]).all() and np.isnan(data["outer_radius"]).all()
+    assert (data["axial_stretch"] == 1).all() and (data["opening_angle"] == 0).all()
+    unknown = inflation_data(frame, Tube(*[np.nan] * 4))
+    for name in ("inner_radius", "outer_radius", "axial_stretch", "opening_angle"):
+        assert np.isnan(unknown[name]).all()
+    # A measure of the wall that is not known leaves the other radius unknown.
+    half = inflation_data(frame, Tube(inner_radius=7.0, thickness=np.nan))
+    assert (half["inner_radius"] == 7).all() and np.isnan(half["outer_radius"]).all()
+
+
+def test_a_ring_that_stays_closed_may_have_one_known_radius():
+    data = inflation_data(good_frame(), Tube(inner_radius=7.0, radii_of="ring"))
+    assert (data["inner_radius"] == 7).all() and np.isnan(data["outer_radius"]).all()
+
+
+def test_the_tube_is_a_tube():
+    with pytest.raises(TypeError, match=r"tube is 7.0; expected a reference tube such as ph.Tube"):
+        inflation_data(good_frame(), 7.0)
+
+
 S1E1 = "specimen 'S1', experiment 1: "
 NO_INNER, NO_OUTER = {"inner_radius": None}, {"outer_radius": None}
+NO_ANGLE = {"opening_angle": np.nan}
 # Arguments, and a regular expression of the ValueError.
 NO_TUBE = {
-    "no convention": ({"opening_angle": 1.0}, f'{S1E1}.*is 1 rad.*="whole".*"fung".*radii_of='),
+    "no convention": ({"opening_angle": 1.0}, rf'{S1E1}.*Tube\(convention="fung"\).*radii_of='),
     "no reference": (FUNG | {"opening_angle": 1.0}, f'{S1E1}.*radii_of="ring".*"sector"'),
-    "convention": (FUNG | {"opening_angle_convention": "half"}, "'half'.*'whole', 'fung'"),
-    "ring of unknown angle": (RING | {"opening_angle": None}, f"{S1E1}.*without its opening_angle"),
+    "convention": (FUNG | {"convention": "half"}, "'half'.*'whole', 'fung'"),
+    "ring of unknown angle": (RING | NO_ANGLE, f"{S1E1}.*without its opening_angle"),
     "half a ring": (RING | FUNG | NO_INNER, f"{S1E1}.*one radius is not known"),
     "ring without a wall": (RING | FUNG | {"outer_radius": 7.0}, f"{S1E1}outer_radius of .* 7 mm"),
     "ring of no radius": (RING | FUNG | {"inner_radius": 0.0}, f"{S1E1}inner_radius is 0 mm"),
@@ -66,11 +93,13 @@ NO_TUBE = {
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
     "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness, wall_area are given"),
     "no length": ({"wall_volume": 2.0}, "wall_volume is given; .*with length"),
+    "wall alone": ({"wall_area": 30.0} | NO_INNER | NO_OUTER, "with neither inner_radius"),
+    "no wall": ({"wall_area": 0.0} | NO_INNER, f"{S1E1}wall_area is 0; expected a positive"),
     "too much wall": ({"wall_area": 300.0} | NO_INNER, f"{S1E1}.*300 mm² does not fit"),
     "too thick": ({"thickness": 9.5} | NO_INNER, f"{S1E1}inner_radius is -0.5 mm"),
-    "unknown angle": ({"wall_area": 30.0, "opening_angle": None} | NO_OUTER, "angle is not known"),
-    "error of a ring": (RING | FUNG | {"geometry_sd": {"outer_radius": 0.1}}, "those of the ring"),
-    "error of any angle": ({"geometry_sd": {"opening_angle": 0.1}}, "error of the opening angle"),
+    "unknown angle": ({"wall_area": 30.0} | NO_ANGLE | NO_OUTER, "angle is not known"),
+    "error of a ring": (RING | FUNG | {"sd": {"outer_radius": 0.1}}, "those of the ring"),
+    "error of any angle": ({"sd": {"opening_angle": 0.1}}, "error of the opening angle"),
 }  # fmt: skip
 
 

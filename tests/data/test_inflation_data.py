@@ -97,12 +97,12 @@ def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diame
 
 @pytest.mark.parametrize("name", GEOMETRY_NAMES)
 def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name):
-    data = by_diameter(with_diameters(axial_force=FORCES), **{name: None})
+    data = by_diameter(with_diameters(axial_force=FORCES), **{name: np.nan})
     check_inflation_data(data)
     assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
     others = ["outer_diameter", *(other for other in GEOMETRY_NAMES if other != name)]
     assert all(np.isfinite(data[other]).all() for other in others)
-    radius = build(**{name: None})
+    radius = build(**{name: np.nan})
     check_inflation_data(radius)
     np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
 
@@ -110,10 +110,10 @@ def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name):
 def test_errors_of_the_tube_are_converted_as_the_tube_is():
     frame = good_frame().assign(error=[0.1, 0.1, 0.2, 0.2, 0.3, 0.3])
     frame["radius"] *= 1000
-    ring = {"radii_of": "ring", "opening_angle_convention": "fung", "angle_unit": "deg"}
+    ring = {"radii_of": "ring", "convention": "fung", "angle_unit": "deg"}
     ring |= {"inner_radius": 7000.0, "outer_radius": 9000.0, "opening_angle": 30.0}
     errors = {"thickness": 50.0, "wall_area": 2e5, "axial_stretch": "error", "opening_angle": 3}
-    data = build(frame, **ring, radius_unit="um", geometry_sd=errors)
+    data = build(frame, **ring, radius_unit="um", sd=errors)
     for name, expected in {
         "thickness_sd": [0.05] * 3,
         "wall_area_sd": [0.2] * 3,
@@ -122,7 +122,7 @@ def test_errors_of_the_tube_are_converted_as_the_tube_is():
     }.items():
         np.testing.assert_allclose(data[name], expected, rtol=ROUNDING)
         assert data[name].attrs["units"] == QUANTITIES[name].unit
-    data = build(opening_angle=0.5, **SECTOR, geometry_sd={"opening_angle": 0.1})
+    data = build(opening_angle=0.5, **SECTOR, sd={"opening_angle": 0.1})
     assert data["opening_angle_sd"].values.tolist() == [0.1] * 3
 
 

@@ -23,10 +23,11 @@ def curve(radius=RADIUS, pressure=PRESSURE, **columns) -> pd.DataFrame:
 
 
 def build(frame=None, **arguments) -> xr.Dataset:
-    return ph.inflation_data(curve() if frame is None else frame, **TUBE | arguments)
+    frame = curve() if frame is None else frame
+    return ph.inflation_data(frame, **tables.with_tube(TUBE | arguments))
 
 
-RING = {"radii_of": "ring", "opening_angle_convention": "whole"}
+RING = {"radii_of": "ring", "convention": "whole"}
 # A call, and a regular expression of its warning.
 DOUBTFUL = {
     "stretch in per cent": (lambda **c: build(axial_stretch=145.0, **c), "145;.*per cent"),
@@ -55,7 +56,7 @@ def test_doubtful_size_is_warned_of_with_its_likely_cause_raised_or_ignored(call
 )
 def test_unused_column_of_the_stretch_or_the_angle_is_doubted(name, values, cut):
     frame = curve(**{name: values})
-    doubted = f"column {name!r} with values other than .*say {name}={name!r}"
+    doubted = f"column {name!r} with values other than .*say Tube.{name}={name!r}"
     with pytest.warns(UserWarning, match=doubted) as warned:
         build(frame)
     assert [w.filename for w in warned] == [__file__]

@@ -51,6 +51,16 @@ class = "C1"
     assert message.startswith("specimen is 'S9' in the settings, and a.csv has a column of it, 'sp")
 
 
+def test_an_angle_needs_settings_that_say_which_it_is(written):
+    table, angle = f"{HEAD}\n{ROWS}", {"constants": {"opening_angle_deg": 60}}
+    message = message_of(written, table, settings=angle)
+    assert 'say which is meant: opening_angle_convention="whole" if it is' in message
+    assert 'say which are given: radii_of="ring"' in message and "Tube" not in message
+    settings = angle | {"opening_angle_convention": "fung", "radii_of": "sector"}
+    data = written(table, settings=settings)
+    np.testing.assert_allclose(data["opening_angle"], 2 * np.pi / 3, rtol=ROUNDING)
+
+
 def test_labels_may_be_constants_of_each_file(written):
     table = "radius_mm,pressure_kPa\n7.2,1.0\n8.4,6.5\n"
     specimens = {"a.csv": {"specimen": "01"}, "b.csv": {"specimen": "02"}}

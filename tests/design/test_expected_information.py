@@ -138,7 +138,7 @@ def test_information_after_tests_that_a_specimen_has_had(classes):
 
 
 def unit_force(radius):
-    return ph.axial_force(ph.NeoHookean(), radius, mu=1.0, **TUBE).eval(mode=AS_WRITTEN)
+    return ph.axial_force(ph.NeoHookean(), radius, ph.Tube(**TUBE), mu=1.0).eval(mode=AS_WRITTEN)
 
 
 @pytest.mark.deep
@@ -219,7 +219,9 @@ def test_radii_of_planned_tests(classes):
 def test_probabilities_after_the_tests_are_calibrated():
     """The log probability of the true class has the mean that the probabilities expect."""
     noise = pm.LogNormal.dist(np.log(NOISE), 0.3)
-    fitted = fit(draws=200, chains=1, geometry={"thickness": ph.Measured(sd=0.3)}, likelihood=noise)
+    fitted = fit(
+        draws=200, chains=1, geometry={"thickness": ph.MeasuredValue(sd=0.3)}, likelihood=noise
+    )
     classes = with_distribution(fitted, NEAR)
     found = information(classes, {"one": {"radius": (7.3, 8.2), "points": 6}}, specimens=200)
     chance = np.exp(found["gain"].squeeze("design").values) / 2

@@ -10,13 +10,12 @@ from scipy.optimize import minimize_scalar
 import pymc_hyperelastic as ph
 
 SEED = 1
-TUBE = {"inner_radius": 2.5, "outer_radius": 3.0}
+TUBE = ph.Tube(inner_radius=2.5, outer_radius=3.0)
 RADIUS, MU = np.linspace(2.55, 2.7, 8), 40.0
 AS_WRITTEN = "FAST_COMPILE"
-KNOWN = {**TUBE, "mu": 1.0}
 # Of a modulus of 1 kPa: pressure, its slope, and the force, which are proportional to the modulus.
 PRESSURE, SLOPE, FORCE = (
-    curve(ph.NeoHookean(), RADIUS, **KNOWN).eval(mode=AS_WRITTEN)
+    curve(ph.NeoHookean(), RADIUS, TUBE, mu=1.0).eval(mode=AS_WRITTEN)
     for curve in (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
 )
 SD, FORCE_SD, OFFSET_SD, DIAMETER_SD = 0.1, 2.0, 50.0, 0.01
@@ -35,7 +34,7 @@ def two_tests(shift=0.0):
         frame = {"radius": RADIUS, "pressure": MU * PRESSURE + SD * error[0] + shift * experiment}
         frame["axial_force"] = MU * FORCE + FORCE_SD * error[1] + 30.0 * experiment
         frames.append(pd.DataFrame(frame).assign(specimen="A", experiment=experiment + 1))
-    return ph.inflation_data(pd.concat(frames, ignore_index=True), **TUBE)
+    return ph.inflation_data(pd.concat(frames, ignore_index=True), TUBE)
 
 
 def sampled(data, **noise):

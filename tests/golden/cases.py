@@ -61,11 +61,10 @@ def artery(*, specimens="A", outer=1.3, extension=False, force=True, by="radius"
             labels = {"specimen": specimen, "experiment": experiment}
             tables.append(pd.DataFrame(labels | columns))
     frame = pd.concat(tables, ignore_index=True)
-    tube = {"inner_radius": inner, "outer_radius": outer, "axial_stretch": "axial"}
-    tube |= {"opening_angle": angle, "opening_angle_convention": "whole", "radii_of": "sector"}
-    settings = {"measured": by, "geometry_sd": geometry_sd or None, "check": "ignore"}
+    stated = {"opening_angle": angle, "convention": "whole", "radii_of": "sector"}
+    tube = ph.Tube(inner, outer, axial_stretch="axial", **stated, sd=geometry_sd)
     frame = frame if force else frame.drop(columns="axial_force")
-    return ph.inflation_data(frame, **tube, **settings)
+    return ph.inflation_data(frame, tube, measured=by, check="ignore")
 
 
 HGO, GOH, FUNG = "HolzapfelGasserOgden", "GasserOgdenHolzapfel", "FungOrthotropic"
@@ -204,7 +203,7 @@ def priors(family, /, **arguments):
 
 def measured(**errors):
     """Setting of geometry that was measured, with standard errors; None for those of the data."""
-    return {"geometry": {name: ph.Measured(error) for name, error in errors.items()}}
+    return {"geometry": {name: ph.MeasuredValue(error) for name, error in errors.items()}}
 
 
 uniform, half_normal = partial(priors, pm.Uniform), partial(priors, pm.HalfNormal)
@@ -323,10 +322,11 @@ TUBE = {"inner_radius": 1.0, "axial_stretch": 1.3, "opening_angle": 1.0}
 WHOLE = {"outer_radius": 1.4}
 
 
-def mechanics(energy, **tube):
+def mechanics(energy, outer_radius=None, **material):
     """Pressure (kPa), stiffness (kPa/mm) and axial force (mN) of a tube at `RADII` (mm)."""
     functions = ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force
-    values = (f(law(energy), RADII, **TUBE, **tube).eval(mode=AS_WRITTEN) for f in functions)
+    tube = ph.Tube(outer_radius=outer_radius, **TUBE)
+    values = (f(law(energy), RADII, tube, **material).eval(mode=AS_WRITTEN) for f in functions)
     return dict(zip(("pressure", "stiffness", "axial force"), values, strict=True))
 
 

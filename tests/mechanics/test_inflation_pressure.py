@@ -104,10 +104,10 @@ def test_order_is_the_number_of_nodes():
     radial = 1 / (hoop * axial)
     response = mu * (2 * (axial**2 - radial**2) - (hoop**2 - radial**2))
     force = np.pi / axial * (response * reference**2).sum() * log_ratio / 2
-    tube = {"inner_radius": inner, "outer_radius": outer, "axial_stretch": axial}
+    tube = ph.Tube(inner_radius=inner, outer_radius=outer, axial_stretch=axial)
     functions = inflation_pressure, inflation_stiffness, ph.axial_force
     for function, expected in zip(functions, (pressure, stiffness, force), strict=True):
-        value = function(ph.NeoHookean(), a, **tube, order=2, mu=mu).eval(mode=AS_WRITTEN)
+        value = function(ph.NeoHookean(), a, tube, order=2, mu=mu).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(value, expected, rtol=IDENTITY_TOLERANCE)
 
 
@@ -141,9 +141,8 @@ def test_numbers_arrays_and_variables_broadcast_in_double_precision():
     """PyTensor would store integers and short decimals in single precision."""
     mu, alpha = np.array([[2.0], [6.0], [9.1]]), pt.dscalar("alpha")
     radii = np.linspace(6.5, 10.0, 4)
-    pressure = inflation_pressure(
-        ph.Ogden(), radii, inner_radius=7, outer_radius=[8, 9, 9, 10.1], mu=mu, alpha=alpha
-    )
+    tube = ph.Tube(inner_radius=7, outer_radius=[8, 9, 9, 10.1])
+    pressure = inflation_pressure(ph.Ogden(), radii, tube, mu=mu, alpha=alpha)
     assert pressure.type.shape == (3, 4) and pressure.dtype == "float64"
     value = pressure.eval({alpha: 8.0}, mode=AS_WRITTEN)
     np.testing.assert_allclose(value, mu * value[:1] / mu[0], rtol=IDENTITY_TOLERANCE)
@@ -154,11 +153,11 @@ def test_numbers_arrays_and_variables_broadcast_in_double_precision():
 
 def test_equal_integrals_are_one_op_and_merge():
     """Inputs of the same types share an Op; pressure and stiffness share an integral."""
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0, "mu": pt.dscalar(), "alpha": 8.0}
+    tube, mu = ph.Tube(inner_radius=7.0, outer_radius=9.0), pt.dscalar()
     functions = inflation_pressure, inflation_stiffness
-    outputs = [function(ph.Ogden(), 8.0, **tube) for function in functions]
+    outputs = [function(ph.Ogden(), 8.0, tube, mu=mu, alpha=8.0) for function in functions]
     assert outputs[0].owner.op is outputs[1].owner.op
-    graph = pytensor.graph.FunctionGraph([tube["mu"]], outputs, clone=False)
+    graph = pytensor.graph.FunctionGraph([mu], outputs, clone=False)
     pytensor.graph.rewriting.basic.MergeOptimizer().rewrite(graph)
     assert sum(isinstance(node.op, PressureIntegral) for node in graph.apply_nodes) == 1
     settings = {"order": 12, "name": "artery", "inline": False}

@@ -40,8 +40,8 @@ def pressure_at(radius):
     for energy, thickness, entries in LAYERS:
         parameters = energy.join(entries)
         layers.append(ph.Layer(energy, thickness, **parameters))
-    tube = {"inner_radius": INNER, "axial_stretch": AXIAL, "opening_angle": ANGLE}
-    return ph.inflation_pressure(layers, radius, **tube).eval(mode=AS_WRITTEN)
+    tube = ph.Tube(inner_radius=INNER, axial_stretch=AXIAL, opening_angle=ANGLE)
+    return ph.inflation_pressure(layers, radius, tube).eval(mode=AS_WRITTEN)
 
 
 def test_radius_and_gradient_are_those_of_the_inverse_of_the_pressure():
@@ -75,9 +75,9 @@ def test_pressure_that_is_never_reached_has_a_large_last_step():
     radius, last_step = pytensor.function([batch], vectorised, mode=AS_WRITTEN)([10.0, 1000.0])
     assert (last_step[[0, 1, 1], [0, 0, 1]] < ROUNDING).all()
     assert last_step[0, 1] > 1
-    tube = {"inner_radius": INNER, "outer_radius": INNER + 0.4, "mu": 1000.0}
-    pressure = ph.inflation_pressure(ph.NeoHookean(), radius[1], **tube).eval(mode=AS_WRITTEN)
-    np.testing.assert_allclose(pressure, [1.0, 100.0], rtol=ROUNDING * 100)
+    tube = ph.Tube(inner_radius=INNER, outer_radius=INNER + 0.4)
+    pressure = ph.inflation_pressure(ph.NeoHookean(), radius[1], tube, mu=1000.0)
+    np.testing.assert_allclose(pressure.eval(mode=AS_WRITTEN), [1.0, 100.0], rtol=ROUNDING * 100)
 
 
 # --- the error of the radius ---------------------------------------------------------------------
@@ -97,9 +97,8 @@ def model_of(energy):
     """Return a model of a measured outer diameter; inner radius and thickness are inferred."""
     frame = pd.DataFrame({"specimen": "S", "experiment": 1, "radius": RADIUS})
     frame["pressure"], frame["outer_diameter"] = PRESSURE, 2 * outer_of(RADIUS)
-    tube = {"inner_radius": None, "outer_radius": None, **SECTOR}
-    tube |= {"axial_stretch": AXIAL, "opening_angle": ANGLE, "measured": "outer_diameter"}
-    data = ph.inflation_data(frame, **tube)
+    tube = ph.Tube(axial_stretch=AXIAL, opening_angle=ANGLE, **SECTOR)
+    data = ph.inflation_data(frame, tube, measured="outer_diameter")
     geometry = {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     priors = {p.name: pm.Normal.dist(0, 50) for p in energy.parameters}
     likelihood = ph.Gaussian(radius_sd=SIGMA / np.sqrt(2))
@@ -115,10 +114,9 @@ def function_of(model):
 
 def exact_likelihood(inner, thickness):
     """Return the log likelihood by bisection of the pressure of each point."""
-    tube = {"inner_radius": inner, "outer_radius": inner + thickness}
-    tube |= {"axial_stretch": AXIAL, "opening_angle": ANGLE}
+    tube = ph.Tube(inner, inner + thickness, axial_stretch=AXIAL, opening_angle=ANGLE)
     symbol = pt.dscalar()
-    pressure = ph.inflation_pressure(ph.Ogden(), symbol, **tube, **OGDEN)
+    pressure = ph.inflation_pressure(ph.Ogden(), symbol, tube, **OGDEN)
     curve = pytensor.function([symbol], pressure, mode=AS_WRITTEN)
     roots = [brentq(lambda a, p=p: float(curve(a)) - p, 0.7, 2.0, xtol=1e-14) for p in PRESSURE]
     error = outer_of(np.array(roots), inner, thickness) - outer_of(RADIUS)

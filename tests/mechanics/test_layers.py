@@ -84,7 +84,8 @@ def package(wall, function, inputs):
         }
         layers.append(ph.Layer(LAWS[law].strain_energy, inputs[f"thickness{i}"], **by_name))
     geometry = ("inner_radius", "axial_stretch", "opening_angle")
-    return function(layers, inputs["internal_radius"], **{name: inputs[name] for name in geometry})
+    tube = ph.Tube(**{name: inputs[name] for name in geometry})
+    return function(layers, inputs["internal_radius"], tube)
 
 
 def exact(wall, inputs, *by, quantity=oracles.layered_pressure):
@@ -162,9 +163,9 @@ def test_arrays_and_variables_of_layers_broadcast():
         ph.Layer(ph.NeoHookean(), thickness, mu=mu),
         ph.Layer(ph.NeoHookean(), [[0.1], [0.2]], mu=5),
     ]
-    pressure = ph.inflation_pressure(layers, [1.1, 1.2, 1.3], inner_radius=1)
+    pressure = ph.inflation_pressure(layers, [1.1, 1.2, 1.3], ph.Tube(inner_radius=1))
     value = pressure.eval({thickness: 0.3, mu: 5.0}, mode=AS_WRITTEN)
-    tube = {"inner_radius": 1.0, "outer_radius": [[1.4], [1.5]]}
-    expected = ph.inflation_pressure(ph.NeoHookean(), [1.1, 1.2, 1.3], **tube, mu=5.0)
+    tube = ph.Tube(inner_radius=1.0, outer_radius=[[1.4], [1.5]])
+    expected = ph.inflation_pressure(ph.NeoHookean(), [1.1, 1.2, 1.3], tube, mu=5.0)
     np.testing.assert_allclose(value, expected.eval(mode=AS_WRITTEN), rtol=IDENTITY_TOLERANCE)
     assert repr(ph.Layer(ph.NeoHookean(), 0.3, mu=20.0)) == "Layer(NeoHookean(), 0.3, mu=20.0)"

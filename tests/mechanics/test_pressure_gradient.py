@@ -113,8 +113,7 @@ class Root(ph.StrainEnergy):
 def test_a_gradient_is_zero_only_where_the_pressure_overflows(law, value, expected):
     """A gradient that is not a number at a finite pressure is not hidden."""
     parameters = {name: pt.dscalar(name) for name in law.parameter_names}
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    pressure = ph.inflation_pressure(law, [8.0, 12.0], **tube, **parameters)
+    pressure = ph.inflation_pressure(law, [8.0, 12.0], ph.Tube(7.0, 9.0), **parameters)
     outputs = [pressure.sum(), *pytensor.grad(pressure.sum(), [*parameters.values()])]
     found, *gradients = pytensor.function([*parameters.values()], outputs, mode=AS_WRITTEN)(
         *[value] * len(parameters)

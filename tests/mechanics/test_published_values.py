@@ -51,8 +51,7 @@ def test_published_pressures_and_stresses_are_reproduced(name):
     (energy, parameters, inner, outer), readings = CYLINDERS[name]
     for (radius, radius_error), *published in readings:
         shifted = np.array([radius - radius_error, radius + radius_error])
-        tube = {"inner_radius": inner, "outer_radius": outer}
-        pressure = ph.inflation_pressure(energy, shifted, **tube, **parameters)
+        pressure = ph.inflation_pressure(energy, shifted, ph.Tube(inner, outer), **parameters)
         # The radial stress at the outer surface is zero.
         _, hoop, _ = stretches(
             outer, shifted, inner_radius=inner, axial_stretch=1.0, opening_angle=0.0
@@ -97,9 +96,9 @@ def test_pymecht_agrees(name):
     """Pressure and axial force of another package."""
     layers, (inner, axial, angle), rows = PYMECHT[name]
     radii, *expected = np.array(rows).T
-    tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": radians(angle)}
+    tube = ph.Tube(inner_radius=inner, axial_stretch=axial, opening_angle=radians(angle))
     functions = ph.inflation_pressure, ph.axial_force
-    outputs = [function(layers, radii, **tube) for function in functions]
+    outputs = [function(layers, radii, tube) for function in functions]
     found = pytensor.function([], outputs, mode=AS_WRITTEN)()
     np.testing.assert_allclose(found, expected, rtol=PYMECHT_TOLERANCE)
 

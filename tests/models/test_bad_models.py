@@ -134,11 +134,17 @@ VALUE_ERRORS = [
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
     (lambda: model(geometry={"inner_radius": RADIUS}, mode="collocation"), "mode='quadrature'"),
-    (lambda: unknown(thickness=ph.Measured()), "the data hold no thickness_sd"),
-    (lambda: fit(geometry={"thickness": ph.Measured(0.01)}), "only with variability='specimen'"),
+    (lambda: unknown(thickness=ph.MeasuredValue()), "the data hold no thickness_sd"),
+    (
+        lambda: fit(geometry={"thickness": ph.MeasuredValue(0.01)}),
+        "only with variability='specimen'",
+    ),
     # Layers.
-    (lambda: layers(data=curves()), "layers state the thickness|outer_radius=None"),
-    (lambda: layers(geometry={"thickness": ph.Measured(0.1)}), "give a layer's thickness a prior"),
+    (lambda: layers(data=curves()), "layers state the thickness|ph.Tube(inner_radius=...)"),
+    (
+        lambda: layers(geometry={"thickness": ph.MeasuredValue(0.1)}),
+        "give a layer's thickness a prior",
+    ),
     (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "same name|'mu'"),
     (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "class 'C1'|layers|do not make a class"),
     # Extension tests.

@@ -26,7 +26,7 @@ def population():
         pd.DataFrame({"specimen": f"S{i}", "experiment": 1, "radius": radius, "pressure": 1.0})
         for i in (1, 2, 3)
     )
-    data = ph.inflation_data(frame, inner_radius=7.0, outer_radius=9.0)
+    data = ph.inflation_data(frame, ph.Tube(7.0, 9.0))
     priors = {
         "location": pm.Normal.dist(np.log([0.2, 7.0]), [0.15, 0.3], shape=2),
         "spread": pm.LogNormal.dist(np.log(0.2), 0.4, shape=2),
@@ -40,7 +40,7 @@ def every_signal():
     stretch = np.concatenate([np.full(5, 1.3), np.linspace(1.2, 1.5, 5)])
     points = {"radius": radius, "stretch": stretch, "pressure": 1.0, "axial_force": 1.0}
     frame = pd.DataFrame(points).assign(specimen="a", experiment=np.repeat(["p", "f"], 5))
-    tube = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": "stretch"}
+    tube = ph.Tube(inner_radius=1.0, outer_radius=1.4, axial_stretch="stretch")
     likelihood = ph.Gaussian(
         pressure_sd=pm.LogNormal.dist(0.0, 0.5),
         force_sd=pm.LogNormal.dist(2.5, 0.5),
@@ -49,9 +49,9 @@ def every_signal():
     )
     return ph.inflation_model(
         ph.Ogden(),
-        ph.inflation_data(frame, **tube, check="ignore"),
+        ph.inflation_data(frame, tube, check="ignore"),
         likelihood,
-        geometry={"thickness": ph.Measured(sd=0.04)},
+        geometry={"thickness": ph.MeasuredValue(sd=0.04)},
         priors={"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)},
     )
 

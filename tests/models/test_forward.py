@@ -1,5 +1,7 @@
 """The forward model: curves of every law at every point, and other data in place of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pymc as pm
@@ -37,8 +39,8 @@ def opened_tube(outer=OUTER):
     frame = pd.DataFrame({"specimen": "S", "experiment": [1, 1, 2, 2]})
     frame = frame.assign(radius=[1.1, 1.25, 1.15, 1.2], stretch=[1.3, 1.3, 1.45, 1.2])
     frame = frame.assign(pressure=[2.0, 9.0, 4.0, 5.0], axial_force=30.0)
-    tube = {"inner_radius": INNER, "outer_radius": outer, "opening_angle": ANGLE}
-    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube, **SECTOR)
+    tube = ph.Tube(INNER, outer, axial_stretch="stretch", opening_angle=ANGLE, **SECTOR)
+    return ph.inflation_data(frame, tube, check="ignore")
 
 
 def around(parameters):
@@ -70,11 +72,11 @@ def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
     forward = ForwardModel(wall, opened_tube(None), {}, with_force=True)
     curves.append(forward.tube({}).curves())
     # Held to independent quadrature in tests/mechanics.
-    tube = {"inner_radius": INNER, "axial_stretch": at_points(data, "axial_stretch")}
-    tube |= {"internal_radius": data["radius"].values, "opening_angle": ANGLE}
-    single = {"energy": law.strain_energy, "outer_radius": OUTER, **parameters}
+    axial, radius = at_points(data, "axial_stretch"), data["radius"].values
+    tube = ph.Tube(INNER, axial_stretch=axial, opening_angle=ANGLE)
+    single = law.strain_energy, radius, replace(tube, outer_radius=OUTER)
     for curve, function in (("pressure", ph.inflation_pressure), ("axial_force", ph.axial_force)):
-        expected = [function(**tube, **own) for own in (single, single, {"energy": wall})]
+        expected = [function(*single, **parameters)] * 2 + [function(wall, radius, tube)]
         both = evaluated([*(c[curve] for c in curves), *expected])
         for found, exact in zip(both[:3], both[3:], strict=True):
             # The energy of one law does not depend on the axial stretch: its force is 0.
@@ -164,8 +166,9 @@ def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
     assert forward.integrator.by_points == (mode == "auto")
     tube = forward.tube({"mu": 20.0, "n": pt.constant(2.0)})
     pressure = evaluated([tube.curves()["pressure"]])[0]
-    known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
-    exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
+    names = ("inner_radius", "outer_radius", "axial_stretch")
+    known = ph.Tube(**{name: at_points(data, name) for name in names})
+    exact = ph.inflation_pressure(energy, data["radius"].values, known, mu=20.0, n=2.0)
     exact = exact.eval(mode=AS_WRITTEN)
     np.testing.assert_allclose(pressure, exact, rtol=0, atol=1e-9 * exact.max())  # its tolerance
 

@@ -50,11 +50,11 @@ def test_variables_are_named_and_have_the_curves_of_the_tube(data):
     tests = ["specimen 'S1', experiment 1", "specimen 'S4', experiment 1"]
     assert list(model.coords["test"]) == tests
     assert len(model.coords["obs"]) == data.sizes["obs"]
-    tube = {name: at_points(data, name) for name in GEOMETRY}
+    tube = ph.Tube(**{name: at_points(data, name) for name in GEOMETRY})
     found = at(model, ["pressure", "stiffness"], POINT)
     exact = (ph.inflation_pressure, ph.inflation_stiffness)
     for values, function in zip(found, exact, strict=True):
-        expected = function(OGDEN, data["radius"].values, **tube, **POINT)
+        expected = function(OGDEN, data["radius"].values, tube, **POINT)
         np.testing.assert_allclose(values, expected.eval(mode=AS_WRITTEN), rtol=1e-10)
 
 
@@ -76,14 +76,14 @@ def test_a_prior_of_rising_pressures_integrates_to_1():
     """It is 0 where the pressure falls, and elsewhere larger by the share of the others."""
     radius = np.linspace(7.2, 12.0, 6)
     frame = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": radius - 7}
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    data = ph.inflation_data(pd.DataFrame(frame), **tube)
+    tube = ph.Tube(inner_radius=7.0, outer_radius=9.0)
+    data = ph.inflation_data(pd.DataFrame(frame), tube)
     settings = {"priors": {"n": pm.Uniform.dist(0.3, 5.0)}, "rising": True}
     model = ph.power_law_neo_hookean_model(data, NOISE, **settings)
     # The modulus is a factor, and does not change the sign of the stiffness.
     exponents, between = np.linspace(0.3, 5.0, 401), np.linspace(*radius[[0, -1]], 200)[:, None]
-    known = {**tube, "mu": 1.0, "n": exponents}
-    stiffness = ph.inflation_stiffness(ph.PowerLawNeoHookean(), between, **known)
+    material = {"mu": 1.0, "n": exponents}
+    stiffness = ph.inflation_stiffness(ph.PowerLawNeoHookean(), between, tube, **material)
     share = np.mean(np.all(stiffness.eval(mode=AS_WRITTEN) > 0, axis=0))
     assert 0.5 < share < 0.99
     assert at(model, ["rising"], {"mu": 20.0, "n": 0.35}) == [-np.inf]

@@ -70,7 +70,7 @@ def dataset(tests, tube):
     frame["pressure"] = 40 * (frame["radius"] / tube["inner_radius"] - 0.5)
     frame["axial_force"] = 60 * (frame["stretch"] - 0.5)
     tube = tube | {"opening_angle": "angle", "axial_stretch": "stretch"}
-    return ph.inflation_data(frame, check="ignore", **tube, **SECTOR)
+    return ph.inflation_data(frame, ph.Tube(**tube, **SECTOR), check="ignore")
 
 
 def opened_tube():
@@ -273,8 +273,8 @@ def test_materials_are_possible_up_to_a_multiple_of_the_measured_pressures():
     tests = [{"radius": np.linspace(1.1, r, 5), "stretch": np.full(5, 1.2)} for r in (1.3, 1.5)]
     data = dataset(tests, OPENED)
     radius = data["radius"].values.reshape(2, -1)[:, [0, -1]]
-    tube = {**OPENED, "axial_stretch": 1.2}
-    unit = ph.inflation_pressure(ph.NeoHookean(), radius, mu=1.0, **tube).eval(mode=AS_WRITTEN)
+    tube = ph.Tube(**OPENED, axial_stretch=1.2)
+    unit = ph.inflation_pressure(ph.NeoHookean(), radius, tube, mu=1.0).eval(mode=AS_WRITTEN)
     largest = BEYOND * np.abs(data["pressure"].values).max() / np.abs(unit).max(axis=1)
     moduli = np.ravel(np.outer(largest, [0.99, 1.01]))
     found = possible_in_tests(WallVariables(ph.NeoHookean(), {"mu": moduli}, {}), data)
@@ -300,9 +300,10 @@ def test_errors_of_layered_walls_are_those_of_their_order():
         exact = curves_and_slopes(layers, data["radius"].values, 1.0, axial, k)[:2]
         given = [ph.Layer(ph.Ogden(), thickness, mu=10.0, alpha=6.0)]
         given.append(ph.Layer(ph.NeoHookean(), 0.1, mu=mu))
-        tube = {n: at_points(data, n) for n in ("inner_radius", "axial_stretch", "opening_angle")}
+        names = ("inner_radius", "axial_stretch", "opening_angle")
+        tube = ph.Tube(**{name: at_points(data, name) for name in names})
         functions = ph.inflation_pressure, ph.inflation_stiffness
-        few = [f(given, data["radius"].values, order=2, **tube).eval() for f in functions]
+        few = [f(given, data["radius"].values, tube, order=2).eval() for f in functions]
         each = zip(few, exact, strict=True)
         errors = [np.abs(a - b)[points].max() / np.abs(b[points]).max() for a, b in each]
         expected.append(max(errors))

@@ -52,8 +52,8 @@ def test_quadrature_and_sampler_give_the_evidence_of_the_known_problem():
         pd.DataFrame({"specimen": i // 2, "experiment": i, "radius": radius, "pressure": pressure})
         for i, (radius, pressure) in enumerate(known.known_curves())
     ]
-    tube = {"inner_radius": known.INNER_RADIUS, "outer_radius": known.OUTER_RADIUS}
-    data = ph.inflation_data(pd.concat(frames), **tube, check="ignore")
+    tube = ph.Tube(inner_radius=known.INNER_RADIUS, outer_radius=known.OUTER_RADIUS)
+    data = ph.inflation_data(pd.concat(frames), tube, check="ignore")
     value = exact.log_evidence_2d(data, "Ogden", box=KNOWN_BOX, **KNOWN_NOISE)
     assert abs(value - known.LOG_EVIDENCE) < EXACT_TOLERANCE
     names = ("mu", "alpha")

@@ -40,15 +40,13 @@ def tube_frame(specimen, inner, outer, axial, angle, *, points=9, seed=1):
 
 
 def dataset(*frames, measured="radius"):
-    geometry = {"inner_radius": "inner", "outer_radius": "outer", "axial_stretch": "axial"}
+    tube = ph.Tube("inner", "outer", axial_stretch="axial", opening_angle="angle", **SECTOR)
     return ph.inflation_data(
         pd.concat(frames, ignore_index=True),
-        **geometry,
-        opening_angle="angle",
+        tube,
         angle_unit="deg",
         measured=measured,
         check="ignore",
-        **SECTOR,
     )
 
 

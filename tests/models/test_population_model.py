@@ -40,8 +40,8 @@ def data():
         labels = {"specimen": specimen, "experiment": experiment, "axial_stretch": axial}
         tables.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure}))
     frame = pd.concat(tables, ignore_index=True)
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": "axial_stretch"}
-    return ph.inflation_data(frame, **tube)
+    tube = ph.Tube(inner_radius=7.0, outer_radius=9.0, axial_stretch="axial_stretch")
+    return ph.inflation_data(frame, tube)
 
 
 def test_correlations_have_the_distribution_of_lewandowski_kurowicka_and_joe():
@@ -159,7 +159,7 @@ def test_specimens_of_layers_have_layers_of_their_own():
     radius = np.linspace(1.1, 1.4, 4)
     frame = pd.DataFrame({"specimen": np.repeat(["S1", "S2"], 4), "experiment": 1})
     frame = frame.assign(radius=np.tile(radius, 2), pressure=np.tile(np.linspace(2.0, 8.0, 4), 2))
-    data = ph.inflation_data(frame, inner_radius=1.0, outer_radius=None)
+    data = ph.inflation_data(frame, ph.Tube(inner_radius=1.0))
     model = ph.population_model([thin, ph.Layer(ph.Ogden(), 0.1)], data, 0.5)
     point = model.initial_point()
     point |= {"log_thickness_1": np.log([0.08, 0.13]), "log_alpha_2": np.log([4.0, 7.0])}

@@ -50,7 +50,7 @@ def tube_data(measured, **geometry):
     """One curve of a stretched, opened tube, with axial forces."""
     frame = pd.DataFrame({"specimen": "S", "experiment": 3, "radius": RADIUS, "pressure": PRESSURE})
     frame = frame.assign(outer_diameter=2 * OUTER, axial_force=FORCE)
-    return ph.inflation_data(frame, **TUBE | geometry, **SECTOR, measured=measured)
+    return ph.inflation_data(frame, ph.Tube(**TUBE | geometry, **SECTOR), measured=measured)
 
 
 def exact_likelihood(measured, values, mu, alpha):
@@ -81,7 +81,7 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
 ):
     """Gradients agree with differences, and are finite where there is no such tube."""
     names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
-    missing = {name: None for name in names if name in TUBE}
+    missing = {name: np.nan for name in names if name in TUBE}
     likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)
     unknown = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
     priors = {name: unknown.pop(name) for name in OGDEN}
@@ -126,11 +126,10 @@ def table():
     return pd.DataFrame(rows)
 
 
-def ring_data(measured="radius", **settings):
-    known = {"inner_radius": 0.5, "outer_radius": "outer", "axial_stretch": "stretch"}
-    known |= {"opening_angle": RING_ANGLE, "radii_of": "ring", "check": "ignore"}
-    known |= {"opening_angle_convention": "whole"}
-    return ph.inflation_data(table(), measured=measured, **known | settings)
+def ring_data(measured="radius", sd=None):
+    cut = {"opening_angle": RING_ANGLE, "convention": "whole", "radii_of": "ring"}
+    tube = ph.Tube(0.5, "outer", axial_stretch="stretch", **cut, sd=sd)
+    return ph.inflation_data(table(), tube, measured=measured, check="ignore")
 
 
 def log_density(model, **point):
@@ -188,8 +187,10 @@ Z = np.array([[0.7, -1.2], [-0.4, 0.3]])
 def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     """The likelihood is that of data with the deviating tube; the prior is standard normal."""
     stated = measured == "radius"  # by the data, or by the model
-    data = other = ring_data(measured, geometry_sd=sds) if stated else ring_data(measured)
-    geometry = {name: ph.Measured() if stated else ph.Measured(sd) for name, sd in sds.items()}
+    data = other = ring_data(measured, sds) if stated else ring_data(measured)
+    geometry = {
+        name: ph.MeasuredValue() if stated else ph.MeasuredValue(sd) for name, sd in sds.items()
+    }
     settings = {"likelihood": NOISE, "mode": "quadrature"}
     model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
     for z, (name, sd) in zip(Z, sds.items(), strict=False):

@@ -46,7 +46,7 @@ def straight_lines(specimens=16, stretches=(1.0,), of_diameter=False):
             tables.append(pd.DataFrame(labels | read))
     measured = {"measured": "outer_diameter"} if of_diameter else {}
     frame = pd.concat(tables, ignore_index=True)
-    return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", **measured)
+    return ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), **measured)
 
 
 def curve_at(pressure, stretch, *mu) -> xr.Dataset:
@@ -71,7 +71,7 @@ def both_kinds(*, force=True, kinds=("inflation", "extension")) -> xr.Dataset:
         tests[f"held {held:g}"] = drifting(held, stretch), stretch
     frame = exact_points(ph.NeoHookean(), {"mu": MU}, tests, SMALL_TUBE)
     frame = frame if force else frame.drop(columns="axial_force")
-    return ph.inflation_data(frame, **SMALL_TUBE, axial_stretch="stretch", check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**SMALL_TUBE, axial_stretch="stretch"), check="ignore")
 
 
 def hierarchical_class(spread):

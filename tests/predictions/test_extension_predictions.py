@@ -27,7 +27,7 @@ def data() -> xr.Dataset:
     tests = {f"at {held:g} kPa": (held, STRETCHES) for held in (1.0, 3.0)}
     tests["inflation"] = INFLATED, 1.25
     frame = exact_points(ph.NeoHookean(), {"mu": 20.0}, tests, TUBE)
-    return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
+    return ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), check="ignore")
 
 
 def each(function, points, stretches, **settings):
@@ -77,8 +77,8 @@ def test_force_at_a_pressure_is_the_force_at_its_radius():
             return oracles.neo_hookean_pressure(mu, a, *TUBE.values(), stretch) - 2.0
 
         radius = [brentq(excess, 0.6, 1.9, args=(stretch,), xtol=1e-13) for stretch in STRETCHES]
-        settings = {**TUBE, "axial_stretch": STRETCHES, "mu": mu}
-        expected = ph.axial_force(ph.NeoHookean(), radius, **settings).eval(mode=AS_WRITTEN)
+        tube = ph.Tube(**TUBE, axial_stretch=STRETCHES)
+        expected = ph.axial_force(ph.NeoHookean(), radius, tube, mu=mu).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(force, expected, rtol=INVERSE)
 
 

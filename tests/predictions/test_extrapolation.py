@@ -16,7 +16,7 @@ RADIUS = np.linspace(7.2, 8.8, 9)
 
 
 def pressure_of(radius, mu=MU, **tube):
-    law = ph.inflation_pressure(ph.NeoHookean(), radius, mu=mu, **SHEEP | tube)
+    law = ph.inflation_pressure(ph.NeoHookean(), radius, ph.Tube(**SHEEP | tube), mu=mu)
     return law.eval(mode=AS_WRITTEN)
 
 
@@ -27,8 +27,8 @@ def data_of(*tubes) -> xr.Dataset:
         labels = {"specimen": f"S{number}", "experiment": 1, **SHEEP, "axial_stretch": 1.0, **tube}
         points = {"radius": radius, "pressure": pressure_of(radius, **tube)}
         tables.append(pd.DataFrame(labels | points))
-    columns = {name: name for name in ("inner_radius", "outer_radius", "axial_stretch")}
-    return ph.inflation_data(pd.concat(tables, ignore_index=True), **columns)
+    columns = ph.Tube("inner_radius", "outer_radius", axial_stretch="axial_stretch")
+    return ph.inflation_data(pd.concat(tables, ignore_index=True), columns)
 
 
 def fitted(data=None, **variables) -> xr.DataTree:
@@ -132,9 +132,9 @@ def test_inferred_geometry_counts_as_the_tube_of_the_data():
 def test_outer_diameters_give_radii_by_the_median_tube():
     frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "outer_diameter": [18.4, 19.0, 20.0]})
     frame["pressure"] = [1.0, 2.0, 4.0]
-    tube = {"inner_radius": None, "outer_radius": None, "measured": "outer_diameter"}
     inferred = {"inner_radius": [7.0, 7.0, 7.1], "outer_radius": [8.9, 9.0, 9.1]}
-    tree = fitted(ph.inflation_data(frame, **tube), **inferred)
+    data = ph.inflation_data(frame, ph.Tube(), measured="outer_diameter")
+    tree = fitted(data, **inferred)
     ends = np.sqrt(np.array([9.2, 10.0]) ** 2 - (81 - 49))
     asked = [ends[0] - 0.01, *ends, ends[1] + 0.01]
     assert quietly(ph.predict_pressure, tree, asked) == [True, False, False, True]

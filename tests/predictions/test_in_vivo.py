@@ -90,7 +90,7 @@ def data_of(stretches=(1.4, 1.7, 2.0), *, with_force=True):
     tests = {i: (pressure, stretch) for i, stretch in enumerate(stretches, start=1)}
     frame = exact_points(ph.FungOrthotropic(), FUNG, tests, WALL)
     frame = frame if with_force else frame.drop(columns="axial_force")
-    return ph.inflation_data(frame, **WALL, axial_stretch="stretch")
+    return ph.inflation_data(frame, ph.Tube(**WALL, axial_stretch="stretch"))
 
 
 def extrapolations(data, **settings):

@@ -179,7 +179,7 @@ def test_curves_of_layers_are_those_of_each_draw(results):
     for name, (predict, function) in functions.items():
         found = predict(tree, radius)[name]
         xr.testing.assert_identical(found, predict(tree, radius, energy=LAYERS)[name])
-        expected = function([media, outside], radius, inner_radius=7.0).eval(mode=AS_WRITTEN)
+        expected = function([media, outside], radius, ph.Tube(7.0)).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(found[1, 7], expected, rtol=ROUNDING)
 
 
@@ -242,7 +242,7 @@ def test_naming_a_specimen_gives_its_tube():
     frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
     frame["radius"], frame["pressure"] = [7.2, 7.6, 8.0, 7.2, 7.6, 9.0], [2.0, 4.0, 7.0] * 2
     frame["B"] = [9.0] * 3 + [9.5] * 3
-    data = ph.inflation_data(frame, inner_radius=7.0, outer_radius="B")
+    data = ph.inflation_data(frame, ph.Tube(inner_radius=7.0, outer_radius="B"))
     tree = as_sampled(ph.inflation_model(ph.NeoHookean(), data, NOISE), mu=(40.0, 1.0))
     with pytest.raises(ValueError, match=r"outer_radius=.*specimen="):
         ph.predict_pressure(tree, [7.5])

@@ -34,7 +34,7 @@ def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
     assert found.attrs["units"] == {"pressure": "kPa", "stiffness": "kPa/mm"}.get(name, "mN")
     for draw in range(3):
         at = {n: of_draws[draw] for n, of_draws in values.items()}
-        expected = function(ph.Ogden(), radius, **tube, **at).eval(mode=AS_WRITTEN)
+        expected = function(ph.Ogden(), radius, ph.Tube(**tube), **at).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(found[0, draw], expected, rtol=ROUNDING)
 
 

@@ -19,8 +19,7 @@ def curves(names, group="C1"):
     radius = np.linspace(7.2, 9.0, 6)
     points = {"experiment": 1, "group": group, "radius": radius, "pressure": 6 * (radius - 7.0)}
     frame = pd.concat([pd.DataFrame({"specimen": name} | points) for name in names])
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    return ph.inflation_data(frame.reset_index(drop=True), **tube, check="ignore")
+    return ph.inflation_data(frame.reset_index(drop=True), ph.Tube(7.0, 9.0), check="ignore")
 
 
 # About what the aortas have.

@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.table import inflation_data
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 
 
@@ -81,8 +82,7 @@ def load_dataset(name: str) -> xr.Dataset:
 def _simulated_sheep_aorta(frame: pd.DataFrame) -> xr.Dataset:
     return inflation_data(
         frame.rename(columns={"radius_mm": "radius", "pressure_mmHg": "pressure"}),
-        inner_radius="inner_radius_mm",
-        outer_radius="outer_radius_mm",
+        Tube(inner_radius="inner_radius_mm", outer_radius="outer_radius_mm"),
         pressure_unit="mmHg",
     )
 
@@ -98,8 +98,7 @@ def _murine_pulmonary_artery(frame: pd.DataFrame) -> xr.Dataset:
     )
     return inflation_data(
         frame.assign(radius=radius, inner=inner, outer=outer, pressure=frame["pressure_mmHg"]),
-        inner_radius="inner",
-        outer_radius="outer",
+        Tube(inner_radius="inner", outer_radius="outer"),
         radius_unit="um",
         pressure_unit="mmHg",
     )

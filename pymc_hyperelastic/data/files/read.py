@@ -15,9 +15,10 @@ from pymc_hyperelastic.data.files.settings import Settings, read_settings, setti
 from pymc_hyperelastic.data.files.sheets import Table, table_of
 from pymc_hyperelastic.data.files.study import study_of
 from pymc_hyperelastic.data.files.text import read_sheets
-from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.table import UNITS_IN_FILES, inflation_data
 from pymc_hyperelastic.data.validation import Check, Problems, check_known, refuse
+from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import MEASURES
 
@@ -50,8 +51,9 @@ def read_tests(
         of columns that are known are on the page What a file may look like.
     settings : path or dict, optional
         A TOML file, or a dict of the same form, for what the tables do not say. Keys are
-        ``measured``, ``opening_angle_convention``, ``radii_of``, ``cycles``, as
-        :func:`~pymc_hyperelastic.inflation_data` has them; ``pressure_unit``, ``radius_unit``,
+        ``measured`` and ``cycles``, as :func:`~pymc_hyperelastic.inflation_data` has them;
+        ``opening_angle_convention`` and ``radii_of``, as ``convention`` and ``radii_of`` of
+        :class:`~pymc_hyperelastic.Tube`; ``pressure_unit``, ``radius_unit``,
         ``angle_unit``, ``force_unit`` for columns that state none; ``decimal``, ``separator``;
         ``ignore``, a list of columns; and the tables ``columns`` (what a column is called in the
         files), ``units`` (of one column), ``constants`` (the same in all rows) and ``files`` (the
@@ -191,19 +193,17 @@ def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -
 
 def _data(frame: pd.DataFrame, tables: list[Table], settings: Settings, check: Check) -> xr.Dataset:
     """Inflation data of a frame in the package's units."""
-    arguments: dict[str, Any] = {
-        name: name if name in frame else None for name in (*WALL, "inner_radius", "outer_radius")
-    }
-    arguments |= {name: name for name in ("axial_stretch", "opening_angle") if name in frame}
-    errors = {name: f"{name}_sd" for name in MEASURES if f"{name}_sd" in frame}
-    arguments |= {"geometry_sd": errors, "check": check}
-    arguments |= {"measured": "radius" if "radius" in frame else "outer_diameter"}
-    arguments |= settings.conventions
+    arguments: dict[str, Any] = {"measured": "radius" if "radius" in frame else "outer_diameter"}
+    arguments |= {"check": check} | settings.conventions
+    measures: dict[str, Any] = {name: name for name in (*GEOMETRY, *WALL) if name in frame}
+    measures["convention"] = arguments.pop("opening_angle_convention", None)
+    measures["radii_of"] = arguments.pop("radii_of", None)
+    measures["sd"] = {name: f"{name}_sd" for name in MEASURES if f"{name}_sd" in frame}
     frame.attrs[UNITS_IN_FILES] = {
         key: words for table in tables for key, words in table.units_in_words().items()
     }
     try:
-        data = inflation_data(frame, **arguments)
+        data = inflation_data(frame, Tube(**measures), **arguments)
     except ValueError as error:
         files = [table.file for table in tables if not table.frame.empty]
         if any(file in str(error) for file in files):

@@ -9,12 +9,12 @@ from typing import Any, get_args
 from pymc_hyperelastic.data.files.headers import Heading, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
 from pymc_hyperelastic.data.files.text import SEPARATORS
-from pymc_hyperelastic.data.geometry import Convention, RadiiOf
 from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.order import Cycles
-from pymc_hyperelastic.data.table import Measured
+from pymc_hyperelastic.data.table import MeasuredLength
 from pymc_hyperelastic.data.units import Unit, known_unit
+from pymc_hyperelastic.mechanics.reference_tube import Convention, RadiiOf
 from pymc_hyperelastic.messages import in_one_line, shown
 from pymc_hyperelastic.quantities import IN_TABLES, UNITS
 
@@ -25,9 +25,9 @@ UNIT_KEYS = {
     "angle_unit": "angle",
     "force_unit": "force",
 }
-# Arguments of inflation_data that a file may state as they are, and their values.
+# Choices of inflation_data and of Tube that a file may state, and their values.
 CONVENTIONS = {
-    "measured": get_args(Measured),
+    "measured": get_args(MeasuredLength),
     "opening_angle_convention": get_args(Convention),
     "radii_of": get_args(RadiiOf),
     "cycles": get_args(Cycles),

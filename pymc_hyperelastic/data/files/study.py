@@ -7,9 +7,9 @@ from pymc_hyperelastic.data.files.headers import NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.sheets import Table
-from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import file_of, listed
 from pymc_hyperelastic.data.validation import Check, refuse
+from pymc_hyperelastic.mechanics.reference_tube import WALL
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_TABLES
 

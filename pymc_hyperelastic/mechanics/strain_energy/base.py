@@ -111,8 +111,8 @@ class StrainEnergy(ABC):
     ...
     ...     def energy(self, radial, hoop, axial, *, mu):
     ...         return mu / 2 * (radial**2 + hoop**2 + axial**2 - 3)
-    >>> tube = {"internal_radius": 1.2, "inner_radius": 1.0, "outer_radius": 1.5}
-    >>> round(float(ph.inflation_pressure(NeoHookeanTube(), **tube, mu=10.0).eval()), 6)
+    >>> tube = ph.Tube(1.0, 1.5)
+    >>> round(float(ph.inflation_pressure(NeoHookeanTube(), 1.2, tube, mu=10.0).eval()), 6)
     1.640095
     """
 

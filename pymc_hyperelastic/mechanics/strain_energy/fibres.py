@@ -178,9 +178,9 @@ class HolzapfelGasserOgden(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
     >>> parameters = {"c": 10.0, "k1": 20.0, "k2": 1.0, "beta": 30.0}
-    >>> ph.inflation_pressure(ph.HolzapfelGasserOgden(), **tube, **parameters).eval().round(3)
+    >>> ph.inflation_pressure(ph.HolzapfelGasserOgden(), radius, tube, **parameters).eval().round(3)
     array([1.821, 5.759])
     """
 
@@ -215,9 +215,9 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
     >>> parameters = {"c": 10.0, "k1": 20.0, "k2": 1.0, "kappa": 0.1, "beta": 30.0}
-    >>> ph.inflation_pressure(ph.GasserOgdenHolzapfel(), **tube, **parameters).eval().round(3)
+    >>> ph.inflation_pressure(ph.GasserOgdenHolzapfel(), radius, tube, **parameters).eval().round(3)
     array([1.18 , 3.655])
     """
 
@@ -269,10 +269,10 @@ class FourFiber(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
     >>> parameters = {"c": 10.0, "k1_axial": 5.0, "k2_axial": 0.5, "k1_hoop": 5.0}
     >>> parameters |= {"k2_hoop": 0.5, "k1_diagonal": 10.0, "k2_diagonal": 0.5, "beta": 40.0}
-    >>> ph.inflation_pressure(ph.FourFiber(), **tube, **parameters).eval().round(3)
+    >>> ph.inflation_pressure(ph.FourFiber(), radius, tube, **parameters).eval().round(3)
     array([1.193, 3.508])
 
     Without hoop fibres:

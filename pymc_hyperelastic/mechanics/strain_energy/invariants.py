@@ -74,8 +74,8 @@ class NeoHookean(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.NeoHookean(), **tube, mu=40.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.NeoHookean(), radius, tube, mu=40.0).eval().round(3)
     array([1.98 , 4.695])
     """
 
@@ -104,8 +104,8 @@ class MooneyRivlin(IsotropicStrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.MooneyRivlin(), **tube, c10=10.0, c01=5.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.MooneyRivlin(), radius, tube, c10=10.0, c01=5.0).eval().round(3)
     array([1.485, 3.521])
     """
 
@@ -143,8 +143,8 @@ class Yeoh(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.Yeoh(), **tube, c1=10.0, c2=10.0, c3=20.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.Yeoh(), radius, tube, c1=10.0, c2=10.0, c3=20.0).eval().round(3)
     array([1.016, 3.003])
     """
 
@@ -178,8 +178,8 @@ class Gent(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.Gent(), **tube, mu=20.0, limit=2.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.Gent(), radius, tube, mu=20.0, limit=2.0).eval().round(3)
     array([0.996, 2.478])
     """
 
@@ -219,8 +219,8 @@ class Demiray(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.Demiray(), **tube, mu=20.0, b=2.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.Demiray(), radius, tube, mu=20.0, b=2.0).eval().round(3)
     array([1.016, 2.898])
     """
 
@@ -258,8 +258,8 @@ class ArrudaBoyce(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.ArrudaBoyce(), **tube, mu=20.0, lock=1.5).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.ArrudaBoyce(), radius, tube, mu=20.0, lock=1.5).eval().round(3)
     array([1.443, 3.476])
     """
 
@@ -299,8 +299,8 @@ class PowerLawNeoHookean(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.PowerLawNeoHookean(), **tube, mu=20.0, n=3.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.PowerLawNeoHookean(), radius, tube, mu=20.0, n=3.0).eval().round(3)
     array([0.998, 2.514])
     """
 

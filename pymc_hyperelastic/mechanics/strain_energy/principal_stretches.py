@@ -34,8 +34,8 @@ class Ogden(IsotropicStrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.Ogden(), **tube, mu=30.0, alpha=7.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.Ogden(), radius, tube, mu=30.0, alpha=7.0).eval().round(3)
     array([3.041, 8.489])
     """
 
@@ -87,9 +87,9 @@ class OgdenSeries(IsotropicStrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
     >>> parameters = {"mu": [20.0, 5.0, 1.0], "alpha": [2.0, 6.0, 10.0]}
-    >>> ph.inflation_pressure(ph.OgdenSeries(), **tube, **parameters).eval().round(3)
+    >>> ph.inflation_pressure(ph.OgdenSeries(), radius, tube, **parameters).eval().round(3)
     array([2.005, 5.223])
     """
 

@@ -30,8 +30,8 @@ class CriscioneType(StrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> ph.inflation_pressure(ph.CriscioneType(), **tube, a=10.0, b=4.0).eval().round(3)
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.CriscioneType(), radius, tube, a=10.0, b=4.0).eval().round(3)
     array([ 8.174, 24.028])
     """
 
@@ -74,9 +74,9 @@ class FungOrthotropic(StrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
     >>> parameters = {"c": 20.0, "a1": 2.0, "a2": 2.0, "a4": 1.0}
-    >>> ph.inflation_pressure(ph.FungOrthotropic(), **tube, **parameters).eval().round(3)
+    >>> ph.inflation_pressure(ph.FungOrthotropic(), radius, tube, **parameters).eval().round(3)
     array([0.589, 2.019])
     """
 

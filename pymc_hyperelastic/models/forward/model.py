@@ -58,7 +58,7 @@ class ForwardModel:
     parameters, geometry : dict of str to TensorVariable
         Distributions, or random expressions, of the unknown material parameters and geometry, by
         name: curves are accurate over their range. A geometry that was measured with an error is
-        :class:`Measured`.
+        :class:`MeasuredValue`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
