@@ -50,7 +50,7 @@ _MOST_UNMET = 0.01
 # trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
 _MOST_MISSING = 0.2
 _INSTEAD = (
-    "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
+    "; another way is NUTS and ph.bridge_sampling, for classes of specimens that differ "
     "ph.fit_classes"
 )
 
@@ -80,7 +80,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
 
     See Also
     --------
-    diagnose_evidence, log_evidence_by_bridge
+    diagnose_evidence, bridge_sampling
 
     Examples
     --------
@@ -160,7 +160,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 
     See Also
     --------
-    log_evidence, log_evidence_by_bridge
+    log_evidence, bridge_sampling
 
     Examples
     --------

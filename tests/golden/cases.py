@@ -417,7 +417,7 @@ def moments(variables):
 def sampled(name, seed):
     """Log evidences of a model, by SMC and by bridge sampling, and moments of its parameters."""
     model, tree = draws(name, seed)
-    bridge = ph.log_evidence_by_bridge(model, tree, random_seed=seed)
+    bridge = ph.bridge_sampling(model, tree, random_seed=seed)
     result = {"SMC": Sampled(*ph.log_evidence(tree)), "bridge": Sampled(*bridge)}
     # The posterior of Ogden's exponent is symmetric.
     return result | moments({v.name: abs(tree["posterior"][v.name]) for v in model.free_RVs})

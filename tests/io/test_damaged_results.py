@@ -67,7 +67,7 @@ OF_ONE = {
     "radius_at_pressure": lambda tree: ph.radius_at_pressure(one(tree), [2.0], **TUBE),
     "tube_properties": lambda tree: ph.tube_properties(one(tree), [2.0], **TUBE),
     "wall_stress": lambda tree: ph.wall_stress(one(tree), [2.0], **TUBE),
-    "admissible": lambda tree: ph.admissible(one(tree), [8.0], **TUBE),
+    "admissible": lambda tree: ph.is_admissible(one(tree), [8.0], **TUBE),
     "material_card": lambda tree: ph.material_card(one(tree), "febio"),
 }
 OF_CLASSES = {

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.compiled  # in both tiers: predictions are compiled for
 
 
 def test_negative_modulus_is_not_admissible():
-    found = ph.admissible(
+    found = ph.is_admissible(
         result(mu=[20.0, -1.0, 5.0]), [6.0, 7.0, 9.0], energy=ph.NeoHookean(), **SHEEP
     )
     for name in ("pressure_rises", "baker_ericksen"):
@@ -33,10 +33,12 @@ def test_negative_modulus_is_not_admissible():
 def test_softening_breaks_the_rise_of_pressure_alone():
     top, _ = maximum_of_softening()
     softening = {"energy": ph.PowerLawNeoHookean(), **SHEEP}
-    found = ph.admissible(one_draw(SOFTENING), np.linspace(7, 1.1 * top, 50), **softening)
+    found = ph.is_admissible(one_draw(SOFTENING), np.linspace(7, 1.1 * top, 50), **softening)
     assert not found["pressure_rises"].item()
     assert found["baker_ericksen"].item()
-    assert ph.admissible(one_draw(SOFTENING), [7, 0.9 * top], **softening)["pressure_rises"].item()
+    assert ph.is_admissible(one_draw(SOFTENING), [7, 0.9 * top], **softening)[
+        "pressure_rises"
+    ].item()
 
 
 @pytest.mark.parametrize("axial", [0.8, 1.0, 1.3])
@@ -46,7 +48,7 @@ def test_baker_ericksen_of_mooney_rivlin_equals_its_closed_form(axial):
     radius = np.linspace(6.5, 9.0, 7)
     tube = SHEEP | {"axial_stretch": axial}
     tree = result(c10=np.full(300, 10.0), c01=10 * ratio)
-    found = ph.admissible(tree, radius, energy=ph.MooneyRivlin(), **tube)["baker_ericksen"][0]
+    found = ph.is_admissible(tree, radius, energy=ph.MooneyRivlin(), **tube)["baker_ericksen"][0]
     reference = np.linspace(7.0, 9.0, 11)
     r = np.sqrt(radius[:, None] ** 2 + (reference**2 - 49) / axial)
     hoop = r / reference
@@ -55,7 +57,7 @@ def test_baker_ericksen_of_mooney_rivlin_equals_its_closed_form(axial):
 
 
 def test_material_beyond_its_largest_stretch_is_not_admissible():
-    found = ph.admissible(
+    found = ph.is_admissible(
         result(mu=[20.0, 20.0], limit=[0.05, 5.0]), [7.0, 9.0], energy=ph.Gent(), **SHEEP
     )
     for name in ("pressure_rises", "baker_ericksen"):
@@ -64,7 +66,7 @@ def test_material_beyond_its_largest_stretch_is_not_admissible():
 
 def test_anisotropic_laws_have_no_baker_ericksen_variable():
     energy, parameters = LAWS["fibres"]
-    found = ph.admissible(one_draw(parameters), [7.0, 8.0], energy=energy, **SHEEP)
+    found = ph.is_admissible(one_draw(parameters), [7.0, 8.0], energy=energy, **SHEEP)
     assert list(found) == ["pressure_rises"]
     assert "Baker" not in found.attrs["summary"]
 
@@ -73,4 +75,4 @@ def test_default_radii_are_the_range_of_the_data():
     tree = fitted_tree(mu=[20.0, 30.0])
     radius = tree["constant_data"]["radius"]
     expected = f"From {radius.min():g} to {radius.max():g} mm"
-    assert ph.admissible(tree).attrs["summary"].startswith(expected)
+    assert ph.is_admissible(tree).attrs["summary"].startswith(expected)

@@ -50,8 +50,8 @@ VALUE_ERRORS = [
     # Where.
     (lambda: predict(radius=[8.0, 0.0]), "internal_radius.*positive.*0."),
     (lambda: predict(radius=np.ones((2, 2))), "internal_radius.*list"),
-    (lambda: ph.admissible(TREE, [0.0], **NEO), "positive radii in mm"),
-    (lambda: ph.admissible(TREE, **NEO), "internal_radius=..."),
+    (lambda: ph.is_admissible(TREE, [0.0], **NEO), "positive radii in mm"),
+    (lambda: ph.is_admissible(TREE, **NEO), "internal_radius=..."),
     (lambda: ph.radius_at_pressure(TREE, "high", **NEO), "a list of pressures in kPa; got 'high'"),
     (lambda: ph.wall_stress(TREE, [], **NEO), "pressure must be"),
     (lambda: ph.wall_stress(TREE, 1.0, points=[0.5, 1.5], **NEO), "places in the wall, from 0 to"),

@@ -44,7 +44,7 @@ def quietly(function, *arguments, **settings) -> list[bool]:
         return function(*arguments, **settings)["extrapolated"].values.tolist()
 
 
-AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.admissible)
+AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.is_admissible)
 AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress)
 
 

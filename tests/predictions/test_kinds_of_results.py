@@ -100,7 +100,7 @@ PREDICTIONS = {
     "tube_properties": (ph.tube_properties, [2.0, 3.0]),
     "pulse_wave_velocity": (ph.pulse_wave_velocity, [2.0, 3.0]),
     "wall_stress": (ph.wall_stress, [2.0, 3.0]),
-    "admissible": (ph.admissible, None),
+    "admissible": (ph.is_admissible, None),
 }
 
 

@@ -7,7 +7,7 @@ from tube_posteriors import INVERSE, SHEEP, fitted_tree, result
 import pymc_hyperelastic as ph
 
 AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress)
-AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.admissible)
+AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.is_admissible)
 
 
 @pytest.mark.parametrize("function", AT_PRESSURES + AT_RADII)
