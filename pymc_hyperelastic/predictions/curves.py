@@ -235,9 +235,10 @@ def radius_at_pressure(
         ``radius`` (mm) with dimensions (chain, draw, pressure), and the coordinates ``pressure``,
         in the unit of `at`, and ``extrapolated`` (pressure). The latter is True if the pressure is
         outside the range of the result's data on this tube, in inflation tests at this axial
-        stretch or extension tests that pass through it. Pressures of other tubes, and at other axial stretches, cannot be compared. If the data have
-        such tests, a pressure is extrapolated only if its median radius is extrapolated as well,
-        see :func:`predict_pressure`. Without data the coordinate is absent.
+        stretch or extension tests that pass through it. Pressures of other tubes, and at other
+        axial stretches, cannot be compared. If the data have such tests, a pressure is extrapolated
+        only if its median radius is extrapolated as well, see :func:`predict_pressure`. Without
+        data the coordinate is absent.
 
     Warns
     -----

@@ -168,7 +168,7 @@ def test_axial_forces_and_materials_that_differ_by_test():
 
 def test_means_errors_and_warnings_by_hand(classes):
     kind = kind_of_classes(classes)
-    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind, "kPa") for n in "abc"}
+    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind) for n in "abc"}
     gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
     effective = np.array([[30.0] * 4, [20, 20, np.nan, 20], [19, 30, 30, 30]])
@@ -202,8 +202,8 @@ def test_radii_of_planned_tests(classes):
     kind = kind_of_classes(classes)
     x = np.array([[-1.5], [-2.0]])
     mu = kind.scale.numbers([x])["mu"][:, 0]
-    planned = {"pressure": (10, 30), "points": 3}
-    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], kind, "mmHg")
+    planned = {"pressure": (10, 30), "pressure_unit": "mmHg", "points": 3}
+    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], kind)
     assert design[0].words == "10 to 30 mmHg at a stretch of 1"
     assert len(design[1].held) == 20
     tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}

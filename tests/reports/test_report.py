@@ -38,7 +38,8 @@ def page(tmp_path_factory):
     """Return the report of two classes and of a classification."""
     results = {"Classes": fitted_classes(), "New": classified()}
     folder = tmp_path_factory.mktemp("report")
-    return Page(ph.report(results, folder / "report.html", data={"Third": THIRD}))
+    in_mmhg = ph.Conditions(pressure_unit="mmHg")
+    return Page(ph.report(results, folder / "report.html", {"Third": THIRD}, at=in_mmhg))
 
 
 def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
@@ -86,7 +87,7 @@ def test_specimen_table_counts_points_and_gives_ranges(page):
 def test_property_table_holds_the_numbers_of_tube_properties(page):
     _, rows = page.table("Elastic properties")
     tree = fitted_classes()["C2"]
-    properties = ph.tube_properties(tree, rows[-1][2], pressure_unit="mmHg")
+    properties = ph.tube_properties(tree, ph.Conditions(rows[-1][2], pressure_unit="mmHg"))
     for row in rows[-5:]:
         assert row[2] == rows[-1][2]
         (own,) = [v for v in properties.values() if v.attrs.get("long_name") == row[0]]
@@ -141,8 +142,7 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
     [
         ([], {}, "no results"),
         ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
-        (THIRD, {"pressure_unit": "mm"}, "pressure_unit"),
-        (THIRD, {"pressure": [-1.0]}, "pressure must be at least 0"),
+        (THIRD, {"at": [-1.0]}, "at states the pressure -1; expected at least 0"),
         (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
     ],
 )
