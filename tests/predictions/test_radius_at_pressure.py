@@ -59,9 +59,8 @@ def test_pressure_that_is_not_reached_is_nan_and_counted():
     with pytest.warns(
         UserWarning, match=r"of 3 draws 1 do not reach .* mmHg.*, 2 do not"
     ) as caught:
-        found = ph.radius_at_pressure(tree, sheep([0.1, 0.9 * top, 1.1 * top]), **settings)[
-            "radius"
-        ][0]
+        found = ph.radius_at_pressure(tree, sheep([0.1, 0.9 * top, 1.1 * top]), **settings)
+    found = found["radius"][0]
     assert caught[0].filename == __file__
     np.testing.assert_array_equal(
         np.isnan(found), [[False, False, True], [False] * 3, [False, True, True]]
