@@ -163,7 +163,9 @@ def _with_pressures(values: xr.DataArray, count: int) -> Array:
     return values.transpose("pressure", "chain", "draw").values
 
 
-def complete_conditions(groups: xr.DataTree, names: Sequence[str], at: Any) -> Conditions:
+def complete_conditions(
+    groups: xr.DataTree, names: Sequence[str], at: Any, *, one_pressure: bool = False
+) -> Conditions:
     """Return the conditions for these quantities, with all measures of one tube.
 
     Measures of the tube that are not stated are medians over specimens, each of which is
@@ -172,7 +174,8 @@ def complete_conditions(groups: xr.DataTree, names: Sequence[str], at: Any) -> C
     Raises
     ------
     ValueError
-        If a pressure is missing, or several axial stretches are stated.
+        If a pressure is missing, or several axial stretches are stated, or several pressures in
+        place of `one_pressure`.
     """
     at = as_conditions(at)
     between = [name for name in names if name in BETWEEN_PRESSURES]
@@ -201,5 +204,7 @@ def complete_conditions(groups: xr.DataTree, names: Sequence[str], at: Any) -> C
     tube |= at.geometry()
     if np.ndim(tube["axial_stretch"]):
         raise ValueError(f"{at.tube}: expected one axial stretch, at which all are compared")
-    pressure = 0.0 if at.pressure is None else at.pressure
-    return replace(at, pressure=pressure, tube=Tube(**tube))
+    at = replace(at, pressure=0.0 if at.pressure is None else at.pressure, tube=Tube(**tube))
+    if one_pressure and len(at.pressures) > 1:
+        raise ValueError(f"at states the pressures {at.pressures.tolist()}; expected one pressure")
+    return at

@@ -201,9 +201,7 @@ def expected_information(
         raise ValueError(f"about is {about!r}; expected 'class' or one of {known_quantities(kind)}")
     planned = {str(n): as_design(str(n), d, kind) for n, d in designs.items()}
     quantities = [] if about == "class" else [about]
-    at = complete_conditions(classes, quantities, at)
-    if len(at.pressures) > 1:
-        raise ValueError(f"expected_information is for one pressure; got {at.pressures.tolist()}")
+    at = complete_conditions(classes, quantities, at, one_pressure=True)
     log_prior = _log_prior(names, class_prior)
     simulation = Simulation(kind, classes, at, given, log_prior, draws)
     seeds = np.random.SeedSequence(random_seed).spawn(3)

@@ -193,27 +193,19 @@ def plan_study(
             "plan_study supports the default priors only: fit the pilot without priors"
         )
     sizes = _sizes(specimens)
-    for name, value, least in (
-        ("studies", studies, 10),
-        ("draws", draws, 50),
-        ("new_specimens", new_specimens, 1),
-    ):
-        check_count(name, value, least)
+    check_count("studies", studies, 10)
+    check_count("draws", draws, 50)
+    check_count("new_specimens", new_specimens, 1)
     check_fraction("ci_prob", ci_prob)
     if not relevant >= 0:
         raise ValueError(f"relevant is {relevant}; expected a difference, 0 or more")
-    at = complete_conditions(classes, names, at)
-    if len(at.pressures) > 1:
-        raise ValueError(f"plan_study is for one pressure; got {at.pressures.tolist()}")
+    at = complete_conditions(classes, names, at, one_pressure=True)
     rng = np.random.default_rng(random_seed)
     pilot = _pilot(kind, classes, studies, rng)
     posteriors = _studied(kind, pilot, sizes, rng)
 
     def difference(location: Array) -> Array:
-        """Return differences of typical specimens, (comparison, quantity, ...).
-
-        `location` has the shape (group, ..., coordinate).
-        """
+        """Return differences of typical specimens, from (group, ..., coordinate) locations."""
         coordinates = np.moveaxis(location, -1, 0)
         flat = coordinates.reshape(len(coordinates), 1, -1)
         found = np.stack([*values_of(kind, flat, names, at).values()])
@@ -228,12 +220,15 @@ def plan_study(
             f"{lacking:.1%} of the simulated materials do not have the quantity, such as a radius "
             "at this pressure, and are left out"
         )
-    result = _result(truth, found, relevant, ci_prob)
-    result = result.assign(_scores(pilot, posteriors, new_specimens, rng))
-    labels = [f"{b} − {a}" for a, b in combinations(groups, 2)]
-    units = [unit_of(name, kind) or "" for name in names]
-    coords = {"specimens": sizes, "comparison": labels, "quantity": names}
-    return result.assign_coords(coords | {"unit": ("quantity", units)}).assign_attrs(
+    scores = _scores(pilot, posteriors, new_specimens, rng)
+    result = _result(truth, found, relevant, ci_prob).assign(scores)
+    coords = {
+        "specimens": sizes,
+        "comparison": [f"{b} − {a}" for a, b in combinations(groups, 2)],
+        "quantity": names,
+        "unit": ("quantity", [unit_of(name, kind) or "" for name in names]),
+    }
+    return result.assign_coords(coords).assign_attrs(
         **origin_of(classes),
         strain_energy=labels_of([kind])[0],
         pressure_unit=at.pressure_unit,
@@ -318,10 +313,7 @@ def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -
 
 
 def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
-    """Simulate estimated coordinates of specimens, (group, study, specimen, coordinate).
-
-    Also return the covariances of their estimation errors.
-    """
+    """Return estimates (group, study, specimen, coordinate), and their error covariances."""
     groups, studies, dimension = pilot.location.shape
     noise = rng.standard_normal((2, groups, studies, count, dimension))
     errors = pilot.errors[rng.integers(len(pilot.errors), size=noise.shape[1:4])]
@@ -372,10 +364,7 @@ def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.D
 
 
 def _scores(pilot: _Pilot, posteriors: _Known, count: int, rng: Any) -> xr.Dataset:
-    """Return log scores of new specimens, with the studies' posteriors and the true distributions.
-
-    `count` is the number of new specimens per group.
-    """
+    """Return log scores of `count` new specimens per group, by posteriors and by the truth."""
     x, errors = _found(pilot, count, rng)
     groups = np.arange(len(x))
 

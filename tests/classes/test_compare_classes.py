@@ -241,6 +241,19 @@ def test_the_tube_is_that_of_the_median_specimen(classes):
     stated = ph.Conditions(tube=ph.Tube(axial_stretch=1.5))
     tube = complete_conditions(changed, [X], stated).tube
     assert tube == ph.Tube(7.25, 9.0, axial_stretch=1.5, opening_angle=0.0)
+    with pytest.raises(ValueError, match="expected one axial stretch, at which all are compared"):
+        compare(classes, X, at=ph.Conditions(tube=ph.Tube(axial_stretch=[1.0, 1.5])))
+
+
+def test_properties_between_two_pressures_need_no_other_pressure(classes):
+    """The change of the stored energy is the difference of the energies at both pressures."""
+    few = {"draws": 100, "specimens": 8}
+    ends = compare(classes, "stored_energy", at=[1.0, 2.0], **few)["draws"]
+    between = ph.Conditions(pressure_range=(1.0, 2.0))
+    found = compare(classes, "stored_energy_change", at=between, **few)["draws"]
+    typical = {"statistic": "typical"}
+    change = ends.sel(typical).diff("pressure").squeeze(["pressure", "quantity"])
+    np.testing.assert_allclose(found.sel(typical).squeeze("quantity"), change, rtol=1e-6)
 
 
 def test_pairs_have_the_difference_of_closed_forms(classes, scale, joint_models):

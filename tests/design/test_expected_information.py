@@ -13,7 +13,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.design import information as module
 from pymc_hyperelastic.design import trials
-from pymc_hyperelastic.design.planned_tests import as_design, radii_of
+from pymc_hyperelastic.design.planned_tests import as_design, empty_data, radii_of
 
 SEED = 914
 X = "log_reference_strain"
@@ -208,6 +208,14 @@ def test_radii_of_planned_tests(classes):
     assert len(design[1].held) == 20
     tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
     radii = radii_of(kind, design, {X: x}, tube, {})
+    # A test may state a tube of its own, here the same one, twice as large.
+    larger = ph.Tube(**{name: 2 * value for name, value in TUBE.items()})
+    design = as_design("a", [planned, planned | {"tube": larger}], kind)
+    own, twice = np.split(radii_of(kind, design, {X: x}, tube, {}), 2, axis=1)
+    np.testing.assert_allclose(twice, 2 * own)
+    np.testing.assert_array_equal(own, radii[:, :3])
+    data = empty_data(kind, design, tube, {})
+    np.testing.assert_array_equal(data["outer_radius"], np.array([1, 2]) * TUBE["outer_radius"])
     for own, modulus in zip(radii[:, :3], mu, strict=True):
         expected = np.array([10, 20, 30]) * ph.mmHg
         np.testing.assert_allclose(modulus * unit_pressure(own), expected, rtol=1e-6)
@@ -240,6 +248,8 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"pressure": 1, "points": 0}, "design 'a': points is 0; expected at least 1"),
         ({"pressure": -1}, "design 'a': pressures must be 0 or more"),
         ({"radius": 0}, "radii and stretches more than 0"),
+        (FEW | {"tube": ph.Tube(axial_stretch=1.2)}, "give the axial stretch of a test as 'axial"),
+        ({"pressure": 1, "pressure_unit": "mm"}, "pressure_unit='mm' does not measure pressure"),
         (MANY | {"force": True}, "classes were fitted without its error"),
         (MANY | {"axial_stretch": (1, 1.2)}, "either the radius or the axial stretch"),
         (
@@ -255,6 +265,8 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"class_prior": {"soft": 1.0}}, r"class_prior must hold a positive number for each of"),
         ({"given": TRAINING["soft"]}, r"given must hold tests of one specimen; it has \['A1',"),
         ({"draws": 8}, "draws is 8; expected at least 32"),
+        ({"about": "compliance"}, "compliance depends on the pressure: give at="),
+        ({"about": "compliance", "at": [1, 2]}, r"pressures \[1.0, 2.0\]; expected one"),
     ):
         with pytest.raises(ValueError, match=message):
             information(**{"classes": classes, "designs": {"few": FEW}} | settings)

@@ -84,6 +84,17 @@ def test_specimen_table_counts_points_and_gives_ranges(page):
     assert rows[3][headings.index("outer radius at rest (mm)")] == 9.0
 
 
+def test_properties_are_those_of_the_stated_tube(write_words):
+    """A report has the pressures, the unit and the tube of its conditions."""
+    tree = fitted_classes()["C2"]
+    at = ph.Conditions([4.0, 8.0], tube=ph.Tube(outer_radius=9.5), density=1000.0)
+    headings, rows = write_words(tree, at=at).table("Elastic properties")
+    assert "pressure (kPa)" in headings
+    expected = ph.tube_properties(tree, at)["pulse_wave_velocity"].median(("chain", "draw"))
+    found = [row[4] for row in rows if row[0] == "pulse wave velocity"]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
 def test_property_table_holds_the_numbers_of_tube_properties(page):
     _, rows = page.table("Elastic properties")
     tree = fitted_classes()["C2"]
