@@ -115,6 +115,6 @@ def test_wrong_input_is_an_error_that_names_the_unit():
             ph.score_probabilities(probability, truth)
     with pytest.raises(TypeError, match="DataArray of probabilities, not list"):
         ph.score_probabilities([[0.9, 0.1]], ["C1"])
-    for settings, message in (({"bins": 0}, "bins is 0"), ({"prob": 94}, "prob is 94")):
+    for settings, message in (({"bins": 0}, "bins is 0"), ({"ci_prob": 94}, "ci_prob is 94")):
         with pytest.raises(ValueError, match=message):
             ph.score_probabilities(HALVES, ["C1"], **settings)
