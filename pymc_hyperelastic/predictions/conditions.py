@@ -53,7 +53,8 @@ class Conditions:
         If `tube` is no :class:`Tube`, or one of its measures no number.
     ValueError
         If a pressure is no finite number, `pressure_range` is not a pair of increasing pressures of
-        at least 0, the unit is unknown, or the density is not positive.
+        at least 0, the unit is unknown, the density is not positive, or the tube states radii that
+        depend on an opening angle without this angle.
 
     See Also
     --------

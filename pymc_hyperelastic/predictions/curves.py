@@ -39,7 +39,8 @@ def predict_pressure(
         Current internal radii, mm.
     tube : Tube, optional
         Measures of the reference tube that replace those of the result. Radii are those of the
-        opened sector unless ``radii_of="ring"``. With layers the outer radius follows from their
+        opened sector unless ``radii_of="ring"``; those of a ring, and a wall that is stated by its
+        area, need the opening angle. With layers the outer radius follows from their
         thicknesses, and cannot be stated. The axial stretch is one number, or one for each radius,
         as in an extension test; several stretches may share a single radius.
 

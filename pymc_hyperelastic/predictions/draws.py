@@ -185,8 +185,6 @@ def draws_of(
         inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
     geometry = _geometry(member.data, inferred, given)
     typical = _geometry(member.data, medians, given)
-    if tube is not None:
-        _check_angle(tube, typical["opening_angle"])
     return Draws(
         TubeNumbers(_layers(wall, values, geometry), geometry),
         {name: posterior[name] for name in ("chain", "draw")},
@@ -224,7 +222,8 @@ def stated_geometry(tube: Tube) -> dict[str, Any]:
     TypeError
         If `tube` is no Tube, or a measure no number.
     ValueError
-        If the tube states standard deviations, or a measure of the wall without a radius.
+        If the tube states standard deviations, a measure of the wall without a radius, or radii
+        that depend on an opening angle without this angle.
     """
     if not isinstance(tube, Tube):
         raise TypeError(f"tube is {tube!r}; expected ph.Tube(...), such as ph.Tube(7.0, 9.0)")
@@ -234,22 +233,15 @@ def stated_geometry(tube: Tube) -> dict[str, Any]:
         value = getattr(tube, name)
         if not (value is None or isinstance(value, Real) or name == "axial_stretch"):
             raise TypeError(f"{name} is {value!r}; expected a number")
+    by_area = tube.wall_area is not None or tube.wall_volume is not None
+    if tube.opening_angle is None and (by_area or tube.radii_of == "ring"):
+        # The angle of the specimen may be another one than 0, which Tube.geometry would assume.
+        raise ValueError(f"{tube}: radii depend on the opening angle; state opening_angle, or 0.0")
     stated = tube.geometry()
     if not isinstance(stated.get("axial_stretch", 1.0), Real):
         expected = "axial stretches, one for each point"
         stated["axial_stretch"] = checked_numbers("axial_stretch", tube.axial_stretch, expected)
     return stated
-
-
-def _check_angle(tube: Tube, angle: Array) -> None:
-    """Raise if the stated radii depend on an opening angle that is not stated, and is not 0."""
-    by_area = tube.wall_area is not None or tube.wall_volume is not None
-    depends = by_area or tube.radii_of == "ring"
-    if depends and tube.opening_angle is None and np.any(angle != 0):
-        raise ValueError(
-            f"{tube}: its radii depend on the opening angle, which is {angle.flat[0]:.4g} rad in "
-            "the result: state the opening_angle as well"
-        )
 
 
 def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
