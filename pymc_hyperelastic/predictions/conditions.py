@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 class Conditions:
     """Pressures, tube and fluid for which properties of a tube are computed.
 
-    Functions with an argument `at` take :class:`Conditions`, or pressures in kPa: ``at=12`` is short
-    for ``at=ph.Conditions(12)``.
+    Functions with an argument `at` take :class:`Conditions`, or pressures in kPa: ``at=12`` is
+    short for ``at=ph.Conditions(12)``.
 
     Parameters
     ----------
