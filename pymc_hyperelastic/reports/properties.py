@@ -53,7 +53,7 @@ def show_properties(result: xr.DataTree, page: Page) -> None:
     middle = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
     of_tube = "The tube is the median of the measured ones. " if middle else ""
     if at.tube is not None:
-        of_tube = f"The tube is {at.tube}. "
+        of_tube = f"The tube is {at.tube}, with medians of what it does not state. "
     at = replace(at, pressure_range=None, tube=Tube(**middle | at.geometry()))
     pressures = at.pressures
     if np.ptp(pressures) > 0:
