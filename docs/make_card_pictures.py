@@ -79,9 +79,8 @@ with warnings.catch_warnings():
     compared = ph.compare_classes(
         classes,
         ["log compliance", "log distensibility", "log pulse_wave_velocity"],
-        pressure=80,
-        pressure_unit="mmHg",
-        bayes_factor=False,
+        at=ph.Conditions(80, pressure_unit="mmHg"),
+        effect_prior=None,
         random_seed=1,
     )
 typical = compared.sel(statistic="typical").squeeze("comparison")
@@ -116,7 +115,8 @@ save("laws")
 ax = axes("pressure (mmHg)", "compliance (mm²/kPa)")
 at = np.arange(40, 150, 5.0)
 for i, (specimen, group) in enumerate({"S1": "C1", "S4": "C2"}.items()):
-    found = ph.tube_properties(classes[group], at, pressure_unit="mmHg", specimen=specimen)
+    in_mmhg = ph.Conditions(at, pressure_unit="mmHg")
+    found = ph.tube_properties(classes[group], in_mmhg, specimen=specimen)
     low, middle, high = found["compliance"].quantile([0.025, 0.5, 0.975], ["chain", "draw"]).values
     ax.fill_between(at, low, high, color=f"C{i}", alpha=0.3)
     ax.plot(at, middle, color=f"C{i}", label=specimen)
@@ -126,9 +126,8 @@ save("properties")
 # Design: how many animals.
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
-    plan = ph.plan_study(
-        classes, "log compliance", pressure=80, pressure_unit="mmHg", studies=100, random_seed=1
-    )
+    in_mmhg = ph.Conditions(80, pressure_unit="mmHg")
+    plan = ph.plan_study(classes, "log compliance", at=in_mmhg, studies=100, random_seed=1)
 ax = axes("specimens of each group", "share of studies that decide")
 decided = plan["decided"].squeeze()
 ax.errorbar(plan["specimens"], decided, 2 * plan["decided_se"].squeeze(), marker="o", color="C0")

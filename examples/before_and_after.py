@@ -94,7 +94,7 @@ QUANTITIES = [
     "log stored_energy",
     "radius",
 ]
-WHERE = {"pressure": 7.0, "pressure_unit": "mmHg", "tube": {"axial_stretch": 1.2}}
+AT = ph.Conditions(7.0, pressure_unit="mmHg", tube=ph.Tube(axial_stretch=1.2))
 
 
 def table_of(compared: xr.Dataset) -> pd.DataFrame:
@@ -120,7 +120,7 @@ pd.options.display.width = 200
 pd.options.display.max_columns = 20
 ways = {"the same animals": {"pair": animals}, "as if others": {}}
 for words, how in ways.items():
-    compared = ph.compare_classes(classes, QUANTITIES, random_seed=1, **WHERE, **how)
+    compared = ph.compare_classes(classes, QUANTITIES, at=AT, random_seed=1, **how)
     name = words.replace(" ", "_")
     compared.to_netcdf(OUT / f"{name}.nc")
     table = table_of(compared)

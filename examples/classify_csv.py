@@ -51,4 +51,4 @@ figure = ph.plot_class_probability(result, none_below=0.05)
 
 # %%
 # One file holds it all: warnings first, then data, fits, decisions, and a paragraph of methods.
-ph.report({"Classes": classes, "New specimens": result}, "report.html", data=new)
+ph.report({"Classes": classes, "New specimens": result}, "report.html", new)

@@ -86,16 +86,12 @@ SIGNALS = ["outer_diameter", "axial_force"]
 
 def predicted(tree: xr.DataTree, specimen: str, left_out: pd.DataFrame) -> pd.DataFrame:
     """Medians of outer diameter (mm) and axial force (mN) of a specimen at points of a protocol."""
-    place = {
-        "pressure": left_out["pressure"].values,
-        "axial_stretch": left_out["axial_stretch"].values,
-        "specimen": specimen,
-    }
+    tube = ph.Tube(axial_stretch=left_out["axial_stretch"].values)
+    at = ph.Conditions(left_out["pressure"].values, tube=tube)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(reach|extrapolat|measured)")
         try:
-            tube = ph.tube_properties(tree, **place)
-            force = ph.predict_axial_force(tree, **place)
+            found = ph.tube_properties(tree, at, specimen=specimen)
         except ValueError as error:
             if "no draw reaches" not in str(error):
                 raise
@@ -103,7 +99,7 @@ def predicted(tree: xr.DataTree, specimen: str, left_out: pd.DataFrame) -> pd.Da
                 return pd.DataFrame(np.nan, left_out.index, SIGNALS)
             rows = (left_out.iloc[[row]] for row in range(len(left_out)))
             return pd.concat([predicted(tree, specimen, row) for row in rows])
-    of_draws = 2 * tube["outer_radius"], force["axial_force"]
+    of_draws = 2 * found["outer_radius"], found["axial_force"]
     medians = [x.median(dim=("chain", "draw")).values for x in of_draws]
     return pd.DataFrame(dict(zip(SIGNALS, medians, strict=True)), left_out.index)
 

@@ -307,11 +307,14 @@ print(table.round(3).to_string())
 # -------------------------
 # By the eight of each group alone, at 100 mmHg, stretched as the specimens are in the middle of
 # their tests. Beside each difference stands that of the materials in the middle of both groups.
-AT = 100.0  # mmHg
-TUBE = {"axial_stretch": float(np.median(new["axial_stretch"]))}
-TUBE |= {"inner_radius": float(np.median(OUTER_RADIUS - THICKNESS))}
-TUBE |= {"outer_radius": TUBE["inner_radius"] + float(np.median(THICKNESS)), "opening_angle": 0.0}
-WHERE = {"pressure_range": (DIASTOLE, SYSTOLE), "pressure_unit": "mmHg"}
+PRESSURE = {"pressure": 100.0, "pressure_range": (DIASTOLE, SYSTOLE), "pressure_unit": "mmHg"}
+TUBE = ph.Tube(
+    inner_radius=float(np.median(OUTER_RADIUS - THICKNESS)),
+    thickness=float(np.median(THICKNESS)),
+    axial_stretch=float(np.median(new["axial_stretch"])),
+    opening_angle=0.0,
+)
+AT = ph.Conditions(**PRESSURE, tube=TUBE)
 QUANTITIES = [
     "log circumferential_material_stiffness",
     "log axial_material_stiffness",
@@ -334,12 +337,12 @@ def true_tree(place: np.ndarray) -> xr.DataTree:
 def true_values(group: str) -> np.ndarray:
     """The quantities of the material in the middle of a group."""
     tree = true_tree(GROUPS[group].mean)
-    found = ph.tube_properties(tree, [AT], energy=LAW, check="ignore", **TUBE, **WHERE)
+    found = ph.tube_properties(tree, AT, energy=LAW, check="ignore")
     values = {name: found[name.removeprefix("log ")].item() for name in QUANTITIES}
     return np.array([np.log(v) if n.startswith("log ") else v for n, v in values.items()])
 
 
-compared = ph.compare_classes(fitted, QUANTITIES, pressure=AT, tube=TUBE, **WHERE, random_seed=SEED)
+compared = ph.compare_classes(fitted, QUANTITIES, at=AT, random_seed=SEED)
 compared.to_netcdf(OUT / "compared.nc")
 typical = compared.sel(statistic="typical").squeeze("comparison")
 sides = typical["difference_interval"]
@@ -373,19 +376,19 @@ REPORTED = [f"{direction}_material_stiffness" for direction in ("axial", "circum
 REPORTED += ["in_vivo_axial_stretch"]
 
 
-def reported(tree: xr.DataTree, about: float, **settings) -> dict[str, np.ndarray]:
-    """Draws of the properties at the middle stretch."""
-    there = {"axial_stretch": about, "check": "ignore"}
+def reported(tree: xr.DataTree, tube: ph.Tube, **settings) -> dict[str, np.ndarray]:
+    """Draws of the properties of a tube, or of the specimen's tube at the middle stretch."""
+    at = ph.Conditions(**PRESSURE, tube=tube)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(measured|reach)")
-        found = ph.tube_properties(tree, [AT], **WHERE, **there, **settings)
+        found = ph.tube_properties(tree, at, check="ignore", **settings)
     return {name: found[name].values.ravel() for name in REPORTED}
 
 
 def exact(place: np.ndarray, specimen: xr.Dataset, about: float) -> dict[str, np.ndarray]:
     """The same of the true material, which takes the place of draws."""
-    tube = {n: specimen[n].values.flat[0] for n in ("inner_radius", "outer_radius")}
-    return reported(true_tree(place), about, energy=LAW, **tube)
+    radii = (specimen[n].values.flat[0] for n in ("inner_radius", "outer_radius"))
+    return reported(true_tree(place), ph.Tube(*radii, axial_stretch=about), energy=LAW)
 
 
 covered = []
@@ -412,7 +415,8 @@ for number, (group, own) in enumerate(studies):
         specimen, place = ph.select(new, specimen=name), places[labels.index(name)]
         about = float(np.median(np.unique(specimen["axial_stretch"].values)))
         true = exact(place, specimen, about)
-        for quantity, values in reported(together[group], about, specimen=name).items():
+        tube = ph.Tube(axial_stretch=about)
+        for quantity, values in reported(together[group], tube, specimen=name).items():
             low, middle, high = np.nanquantile(values, [0.025, 0.5, 0.975])
             row = {"specimen": name, "quantity": quantity, "low": low, "median": middle}
             covered.append(row | {"high": high, "truth": true[quantity][0]})

@@ -94,7 +94,8 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) 
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
-        inflated = ph.tube_properties(tree, pressure, axial_stretch=stretch)
+        at = ph.Conditions(pressure, tube=ph.Tube(axial_stretch=stretch))
+        inflated = ph.tube_properties(tree, at)
     sd = tree["posterior"]["pressure_sd"]
     error = sd * sd.copy(data=rng.normal(size=sd.shape))
     outer = inflated["outer_radius"]

@@ -23,7 +23,7 @@ from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.design.information import expected_information
 from pymc_hyperelastic.design.study_size import plan_study
-from pymc_hyperelastic.evidence.bridge import log_evidence_by_bridge
+from pymc_hyperelastic.evidence.bridge import bridge_sampling
 from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
 from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -61,15 +61,16 @@ from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
-from pymc_hyperelastic.predictions.admissible import admissible
+from pymc_hyperelastic.predictions.admissible import is_admissible
 from pymc_hyperelastic.predictions.cards import material_card
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
     radius_at_pressure,
 )
 from pymc_hyperelastic.predictions.offsets import force_offsets
-from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
+from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
 from pymc_hyperelastic.reports.report import report
 
@@ -104,17 +105,17 @@ __all__ = [
     "BatchedSMC",
     "log_evidence",
     "diagnose_evidence",
-    "log_evidence_by_bridge",
+    "bridge_sampling",
     "log_evidence_by_quadrature",
     "Estimate",
+    "Conditions",
     "predict_pressure",
     "predict_axial_force",
     "radius_at_pressure",
     "force_offsets",
     "tube_properties",
-    "pulse_wave_velocity",
     "wall_stress",
-    "admissible",
+    "is_admissible",
     "material_card",
     "fit_classes",
     "classify",

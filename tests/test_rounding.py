@@ -82,7 +82,7 @@ def test_design_at_the_unloaded_radius_cannot_be_done():
     kind = SimpleNamespace(scale=scale, experiment_effect=0, geometry={}, energy=ph.NeoHookean())
     for inner in np.linspace(5.0, 9.0, 40):
         tube = {"inner_radius": inner, "outer_radius": inner + 2, "opening_angle": 0.0}
-        test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, "")
+        test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, {}, "")
         assert np.isnan(radii_of(kind, [test], {"mu": np.array([[30.0]])}, tube, {})).all()
 
 

@@ -78,8 +78,21 @@ def radii_of(tube: dict) -> np.ndarray:
 
 
 def curve(energy, parameters, radius, tube) -> np.ndarray:
-    predicted = ph.predict_pressure(one_draw(parameters), radius, energy=energy, **tube)
+    settings = {"tube": ph.Tube(**tube), "energy": energy}
+    predicted = ph.predict_pressure(one_draw(parameters), radius, **settings)
     return predicted["pressure"].values[0, 0]
+
+
+AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.is_admissible)
+AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.wall_stress)
+
+
+def ask(function, tree, points, tube=None, **settings) -> xr.Dataset:
+    """Return a prediction at these radii (mm) or pressures (kPa), for a tube that is a dict."""
+    stated = ph.Tube(**tube or {})
+    if function in AT_RADII:
+        return function(tree, points, tube=stated, **settings)
+    return function(tree, ph.Conditions(points, tube=stated), **settings)
 
 
 def fitted_tree(energy: str = "NeoHookean", **variables) -> xr.DataTree:
@@ -104,8 +117,8 @@ def exact_points(energy, parameters: dict, tests: dict, tube: dict) -> pd.DataFr
     tables = []
     for experiment, given in tests.items():
         pressure, stretch = np.broadcast_arrays(*given)
-        at = {"energy": energy, "pressure": pressure, "axial_stretch": stretch, **tube}
-        curve = ph.predict_axial_force(one_draw(parameters), **at)
+        at = ph.Conditions(pressure, tube=ph.Tube(axial_stretch=stretch, **tube))
+        curve = ph.tube_properties(one_draw(parameters), at, energy=energy)
         numbers = {name: curve[name].values[0, 0] for name in ("radius", "axial_force")}
         numbers |= {"pressure": pressure, "stretch": stretch}
         tables.append(pd.DataFrame({"specimen": "S1", "experiment": experiment} | numbers))

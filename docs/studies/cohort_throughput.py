@@ -49,7 +49,8 @@ def cohort(count: int, rng: np.random.Generator, prefix: str) -> xr.Dataset:
             x = location + SPREAD[:, None] * rng.standard_normal(location.shape)
             values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
             tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
-            found = ph.radius_at_pressure(tree, PRESSURE, energy=LAW, check="ignore", **TUBE)
+            at = ph.Conditions(PRESSURE, tube=ph.Tube(**TUBE))
+            found = ph.radius_at_pressure(tree, at, energy=LAW, check="ignore")
             radius[lacking] = found["radius"].values[0]
         frame = pd.DataFrame({"specimen": np.repeat([f"{prefix}{i}" for i in number], 20)})
         frame["experiment"] = 1

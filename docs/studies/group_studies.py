@@ -55,7 +55,8 @@ def tree_of(x: np.ndarray) -> xr.DataTree:
 
 
 def log_compliance(x: np.ndarray) -> np.ndarray:
-    found = ph.tube_properties(tree_of(x), AT, energy=LAW, **TUBE)
+    at = ph.Conditions(AT, tube=ph.Tube(**TUBE))
+    found = ph.tube_properties(tree_of(x), at, energy=LAW)
     return np.log(found["compliance"].values.ravel())
 
 
@@ -103,7 +104,8 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for halvings in range(20):
         pressure = PRESSURE / 2**halvings
         try:
-            found = ph.radius_at_pressure(tree_of(material[:, None]), pressure, energy=LAW, **TUBE)
+            at = ph.Conditions(pressure, tube=ph.Tube(**TUBE))
+            found = ph.radius_at_pressure(tree_of(material[:, None]), at, energy=LAW)
             radius = found["radius"].values.ravel()
         except ValueError:  # it bears none of them
             radius = np.full(len(pressure), np.nan)
@@ -142,9 +144,7 @@ def study(number: int) -> dict[str, float]:
     classes = ph.fit_classes(
         LAW, groups, NOISE, variability="specimen", chains=1, progressbar=False, **settings
     )
-    result = ph.compare_classes(
-        classes, "log compliance", pressure=AT, specimens=4, **settings
-    ).squeeze()
+    result = ph.compare_classes(classes, "log compliance", at=AT, specimens=4, **settings).squeeze()
     typical = result.sel(statistic="typical")
     low, high = typical["difference_interval"].values
     first, second = log_compliance(np.stack(ends, axis=1))

@@ -43,7 +43,8 @@ def specimens(rng: np.random.Generator, x: np.ndarray, name: str) -> xr.Dataset:
     """A group of these coordinates (coordinate, specimen), measured with errors."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
-    radius = ph.radius_at_pressure(tree, PRESSURE, energy=LAW, **TUBE)["radius"].values[0]
+    at = ph.Conditions(PRESSURE, tube=ph.Tube(**TUBE))
+    radius = ph.radius_at_pressure(tree, at, energy=LAW)["radius"].values[0]
     # A wall that does not bear a pressure is not inflated so far.
     reached = np.isfinite(radius)
     frame = pd.DataFrame(
@@ -73,9 +74,9 @@ def study(pilot: xr.DataTree, number: int, size: int) -> list[dict[str, float]]:
     result = ph.compare_classes(
         fitted(groups, number),
         NAMES,
-        pressure=AT,
+        at=AT,
         specimens=4,
-        bayes_factor=False,
+        effect_prior=None,
         random_seed=number,
     )
     typical = result.sel(statistic="typical").squeeze("comparison")
@@ -93,7 +94,7 @@ def main() -> None:
         for name, place in PLACES.items()
     }
     pilot = fitted(groups, 1)
-    plan = ph.plan_study(pilot, NAMES, args.sizes, pressure=AT, studies=400, random_seed=1)
+    plan = ph.plan_study(pilot, NAMES, args.sizes, at=AT, studies=400, random_seed=1)
     rows = pd.read_csv(args.out).to_dict("records") if args.out.exists() else []
     done = {(row["study"], row["specimens"]) for row in rows}
     for number in range(args.studies):

@@ -52,7 +52,8 @@ def tested(x: np.ndarray, prefix: str, design: dict) -> xr.Dataset:
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
     ends = np.atleast_1d(design["pressure"])
     pressure = np.linspace(ends[0], ends[-1], design["points"])
-    radius = ph.radius_at_pressure(tree, pressure, energy=LAW, **TUBE)["radius"].values[0]
+    at = ph.Conditions(pressure, tube=ph.Tube(**TUBE))
+    radius = ph.radius_at_pressure(tree, at, energy=LAW)["radius"].values[0]
     frame = pd.DataFrame(
         {
             "specimen": np.repeat([f"{prefix}{i}" for i in range(x.shape[1])], len(pressure)),

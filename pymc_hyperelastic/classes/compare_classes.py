@@ -19,12 +19,7 @@ from pymc_hyperelastic.classes.average import Laws, labels_of, laws_of
 from pymc_hyperelastic.classes.differences import by_draw, differences, interval, summary
 from pymc_hyperelastic.classes.groups import Groups, groups_of, kind_of_groups
 from pymc_hyperelastic.classes.joint import Apart
-from pymc_hyperelastic.classes.quantities import (
-    Place,
-    known_quantities,
-    place_of,
-    unit_of,
-)
+from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities, unit_of
 from pymc_hyperelastic.classes.sensitivity import power_scaling
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
@@ -32,6 +27,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
@@ -52,18 +48,13 @@ def compare_classes(
     classes: Classes,
     quantity: str | Sequence[str],
     *,
-    pressure: Any = None,
-    pressure_range: Any = None,
-    pressure_unit: str = "kPa",
-    density: float = 1060.0,
-    tube: Mapping[str, float] | None = None,
+    at: Conditions | Any = None,
     pair: Any = None,
     covariates: Any = None,
-    effect_prior: float = 1.0,
-    bayes_factor: bool = True,
+    effect_prior: float | None = 1.0,
     draws: int = 1000,
     specimens: int = 32,
-    prob: float = 0.95,
+    ci_prob: float = 0.95,
     random_seed: Any = None,
 ) -> xr.Dataset:
     r"""Compare a quantity between groups of specimens, with its uncertainty.
@@ -87,19 +78,11 @@ def compare_classes(
         :func:`tube_properties`, such as ``"compliance"`` or ``"in_vivo_axial_stretch"``. The prefix
         ``"log "`` takes the logarithm, as in ``"log compliance"``: its difference is the logarithm
         of a ratio.
-    pressure : array_like, optional
-        Internal pressures at which properties are computed, in `pressure_unit`. Several pressures
-        give curves.
-    pressure_range : pair of float, optional
-        Diastolic and systolic pressure, for ``"stored_energy_change"`` and
-        ``"in_vivo_axial_stretch"``.
-    pressure_unit : str, default "kPa"
-        Unit of `pressure` and `pressure_range`.
-    density : float, default 1060
-        Density of the fluid inside the tube, kg/m³, for ``"pulse_wave_velocity"``.
-    tube : dict of str to float, optional
-        ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle`` (rad) of
-        the tube. An omitted entry is the median over the specimens of all classes.
+    at : Conditions, or array_like of pressures in kPa, optional
+        Conditions for which properties are computed. Several pressures give curves. Properties that
+        depend on two pressures, ``"stored_energy_change"`` and ``"in_vivo_axial_stretch"``, need a
+        ``pressure_range``. A measure of the tube that is not stated is the median over the
+        specimens of all classes. Parameters of the material need no conditions.
     pair : str or dict, optional
         The animal of each specimen, for two groups of the same animals, such as before and after a
         treatment. Either the name of a variable of the data with one value per test, or a dict from
@@ -109,17 +92,15 @@ def compare_classes(
         test, or values by name and specimen. Each covariate has a linear effect on all coordinates,
         which is the same in all groups. Values that are not numbers are categories. Groups are
         compared at the mean of each covariate over all specimens.
-    effect_prior : float, default 1
+    effect_prior : float or None, default 1
         Prior standard deviation, under the alternative of the Bayes factor, of the difference of
-        two groups in each coordinate, in units of the spread between specimens.
-    bayes_factor : bool, default True
-        If True, compute Bayes factors, which takes as long as fitting the distributions of all
-        groups twice.
+        two groups in each coordinate, in units of the spread between specimens. None: compute no
+        Bayes factors, which take as long as fitting the distributions of all groups twice.
     draws : int, default 1000
         Number of posterior draws of the groups' distributions, at most that of the classes.
     specimens : int, default 32
         Number of specimens that represent the population of each draw, a Latin hypercube sample.
-    prob : float, default 0.95
+    ci_prob : float, default 0.95
         Probability of the equal-tailed credible intervals.
     random_seed : int or sequence of int, optional
         Seed of the random numbers.
@@ -131,7 +112,8 @@ def compare_classes(
         ``"mean"`` or ``"spread"``. A variable with a posterior holds the posterior median; the
         variable with the suffix ``_sd`` holds the posterior standard deviation, and that with
         ``_interval`` the ends of the credible interval (``bound``: low, high). With several
-        pressures, variables of quantities also have the dimension ``pressure``.
+        pressures, variables of quantities also have the dimension ``pressure``, in the unit
+        of `at`.
 
         ``value`` : the statistic of each group, (statistic, group, quantity).
 
@@ -222,7 +204,7 @@ def compare_classes(
     --------
     >>> import pymc_hyperelastic as ph
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
-    >>> result = ph.compare_classes(classes, "log_alpha", bayes_factor=False, random_seed=1)
+    >>> result = ph.compare_classes(classes, "log_alpha", effect_prior=None, random_seed=1)
     >>> result["comparison"].values.tolist()
     ['C2 − C1']
     """
@@ -233,10 +215,9 @@ def compare_classes(
     check_quantities(names, kinds)
     check_count("draws", draws, 100)
     check_count("specimens", specimens, 2)
-    check_fraction("prob", prob)
+    check_fraction("ci_prob", ci_prob)
     laws = laws_of(trees, kinds, argument="classes")
-    where = pressure, pressure_range, pressure_unit, density, dict(tube or {})
-    place = place_of(trees[0], names, *where)
+    at = complete_conditions(trees[0], names, at)
     by_law = [
         Groups(kind, tree, groups, pair, covariates)
         for kind, tree in zip(kinds, trees, strict=True)
@@ -247,21 +228,21 @@ def compare_classes(
         of_law.by_draw(count, specimens, seed)
         for of_law, seed in zip(by_law, seeds[1::2], strict=True)
     ]
-    of_laws = [by_draw(*each, names, place) for each in zip(by_law, found, strict=True)]
+    of_laws = [by_draw(*each, names, at) for each in zip(by_law, found, strict=True)]
     chosen = np.random.default_rng(seeds[0]).choice(
         len(of_laws), size=count, p=np.exp(laws.log_probability)
     )
-    at = {
+    places = {
         "law": xr.DataArray(chosen, dims="draw"),
         "draw": xr.DataArray(np.arange(count), dims="draw"),
     }
-    result = summary(xr.concat(of_laws, "law").isel(at), prob)
+    result = summary(xr.concat(of_laws, "law").isel(places), ci_prob)
     likely = int(np.argmax(laws.log_probability))
-    alone = summary(of_laws[likely], prob) if len(of_laws) > 1 else result
+    alone = summary(of_laws[likely], ci_prob) if len(of_laws) > 1 else result
     log_prior, log_likelihood = found[likely].powers
     scaling = power_scaling(differences(alone), log_prior, log_likelihood)
     result = result.assign(scaling)
-    if bayes_factor:
+    if effect_prior is not None:
         apart = Apart(effect_prior, effect_prior * _LOG_SPREAD_RATIO)
         factors = [
             of_law.bayes_factors(apart, count, seed)
@@ -269,10 +250,10 @@ def compare_classes(
         ]
         result = result.assign(_averaged(factors, laws))
     _warn_of_lacking(result)
-    result = result.assign(_spreads(by_law[likely].kind, found[likely].distributions, prob))
+    result = result.assign(_spreads(by_law[likely].kind, found[likely].distributions, ci_prob))
     if by_law[0].covariates.names:
-        result = result.assign(_effects(by_law[likely], found[likely].effects, prob))
-    return _described(result, by_law, place, labels_of(kinds), prob)
+        result = result.assign(_effects(by_law[likely], found[likely].effects, ci_prob))
+    return _described(result, by_law, at, labels_of(kinds), ci_prob)
 
 
 def _fits(classes: Classes) -> list[xr.DataTree]:
@@ -345,7 +326,7 @@ def _warn_of_lacking(result: xr.Dataset) -> None:
 
 
 def _spreads(
-    kind: Variability, distributions: Mapping[str, ClassDistribution], prob: float
+    kind: Variability, distributions: Mapping[str, ClassDistribution], ci_prob: float
 ) -> xr.Dataset:
     """Return posterior and prior of the spread between specimens in each coordinate."""
     spread = np.stack([np.asarray(d.spread)[..., 0] for d in distributions.values()])
@@ -362,14 +343,14 @@ def _spreads(
     expected = xr.DataArray(drawn, dims=("coordinate", "draw"))
     found = {
         "coordinate_spread": values.median("draw"),
-        "coordinate_spread_interval": interval(values, prob),
+        "coordinate_spread_interval": interval(values, ci_prob),
         "prior_coordinate_spread": expected.median("draw"),
-        "prior_coordinate_spread_interval": interval(expected, prob),
+        "prior_coordinate_spread_interval": interval(expected, ci_prob),
     }
     return xr.Dataset(found, {"group": [*distributions], "coordinate": kind.scale.names})
 
 
-def _effects(groups: Groups, effects: Array | None, prob: float) -> xr.Dataset:
+def _effects(groups: Groups, effects: Array | None, ci_prob: float) -> xr.Dataset:
     """Return the posterior change of each coordinate per unit of each covariate."""
     covariates = groups.covariates
     dims = "covariate", "coordinate", "draw"
@@ -378,13 +359,17 @@ def _effects(groups: Groups, effects: Array | None, prob: float) -> xr.Dataset:
     found = {
         "covariate_effect": values.median("draw"),
         "covariate_effect_sd": values.std("draw", ddof=1),
-        "covariate_effect_interval": interval(values, prob),
+        "covariate_effect_interval": interval(values, ci_prob),
     }
     return xr.Dataset(found, coords)
 
 
 def _described(
-    result: xr.Dataset, by_law: Sequence[Groups], place: Place, laws: Sequence[str], prob: float
+    result: xr.Dataset,
+    by_law: Sequence[Groups],
+    at: Conditions,
+    laws: Sequence[str],
+    ci_prob: float,
 ) -> xr.Dataset:
     """Return the result with units, and attributes that describe it."""
     kind, count = by_law[0].kind, result.sizes["quantity"] * result.sizes["comparison"]
@@ -395,13 +380,13 @@ def _described(
     return result.assign_attrs(
         **origin_of(by_law[0].tree),
         strain_energy=", ".join(laws),
-        tube=json.dumps(place.tube),
-        pressure_unit=place.pressure_unit,
-        interval=prob,
+        tube=json.dumps(at.geometry()),
+        pressure_unit=at.pressure_unit,
+        interval=ci_prob,
         compared=count,
         words=(
             f"{count} differences were compared without a correction for multiple comparisons: if "
-            f"no groups differ, {count * (1 - prob):.2g} of their {100 * prob:.3g} % intervals are "
-            "expected to exclude 0"
+            f"no groups differ, {count * (1 - ci_prob):.2g} of their {100 * ci_prob:.3g} % "
+            "intervals are expected to exclude 0"
         ),
     )

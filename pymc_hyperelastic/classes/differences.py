@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from pymc_hyperelastic.classes.groups import GroupDraws, Groups
-from pymc_hyperelastic.classes.quantities import Place, is_logarithm, values_of
+from pymc_hyperelastic.classes.quantities import is_logarithm, values_of
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import density_of_each
+from pymc_hyperelastic.predictions.conditions import Conditions
 
 Array = NDArray[np.float64]
 
@@ -30,11 +31,11 @@ _GRID_MARGIN = 4.0
 _SMALLEST_SPREAD = 1e-9
 
 
-def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], place: Place) -> xr.Dataset:
+def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditions) -> xr.Dataset:
     """Return statistics and overlaps of the groups for each draw of their distributions."""
     groups, kind = of_law.groups, of_law.kind
     values = np.stack(
-        [np.stack([*values_of(kind, found.coordinates[g], names, place).values()]) for g in groups]
+        [np.stack([*values_of(kind, found.coordinates[g], names, at).values()]) for g in groups]
     )  # (group, quantity, pressure, draw, specimen)
     typical, others = values[..., 0], values[..., 1:]
     with warnings.catch_warnings():
@@ -67,7 +68,7 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], place: Plac
             "statistic": STATISTICS,
             "group": groups,
             "quantity": list(names),
-            "pressure": place.pressure,
+            "pressure": at.pressures,
             "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
             "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
             "first": ("comparison", [a for a, _ in of_law.comparisons]),
@@ -131,7 +132,7 @@ def _overlap_of_specimens(
     return np.mean(found, axis=0)
 
 
-def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
+def summary(by_draw: xr.Dataset, ci_prob: float) -> xr.Dataset:
     """Return posterior medians, standard deviations and intervals of groups and comparisons."""
     draws = by_draw["draws"]
     first, second = both(by_draw)
@@ -158,7 +159,7 @@ def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
         for name, values in found.items():
             result[name] = values.median("draw")
             result[f"{name}_sd"] = values.std("draw", ddof=1)
-            result[f"{name}_interval"] = interval(values, prob)
+            result[f"{name}_interval"] = interval(values, ci_prob)
     rises = ((difference > 0) + (difference == 0) / 2).where(difference.notnull())
     positive = rises.mean("draw")
     result["probability_of_rise"] = positive
@@ -183,7 +184,7 @@ def differences(result: xr.Dataset) -> xr.DataArray:
     return second - first
 
 
-def interval(values: xr.DataArray, prob: float) -> xr.DataArray:
-    """Return the ends of the equal-tailed interval with probability `prob`."""
-    ends = values.quantile([(1 - prob) / 2, (1 + prob) / 2], "draw").rename(quantile="bound")
+def interval(values: xr.DataArray, ci_prob: float) -> xr.DataArray:
+    """Return the ends of the equal-tailed interval with probability `ci_prob`."""
+    ends = values.quantile([(1 - ci_prob) / 2, (1 + ci_prob) / 2], "draw").rename(quantile="bound")
     return ends.assign_coords(bound=["low", "high"]).transpose(..., "bound")

@@ -5,7 +5,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,10 @@ from scipy import linalg, stats
 
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
+from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
@@ -38,6 +40,7 @@ PROPERTIES = (
     "incremental_modulus",
     "pulse_wave_velocity",
     "circumferential_stress",
+    "axial_force",
     "axial_stress",
     "circumferential_material_stiffness",
     "axial_material_stiffness",
@@ -47,23 +50,8 @@ PROPERTIES = (
 )
 # Prefix of a name that takes the logarithm of the quantity.
 _LOG_PREFIX = "log "
-# Properties that depend on `pressure_range`, not on `pressure`.
+# Properties that depend on two pressures, the `pressure_range`.
 BETWEEN_PRESSURES = ("stored_energy_change", "in_vivo_axial_stretch")
-
-
-@dataclass(frozen=True)
-class Place:
-    """Tube and pressures at which properties are computed."""
-
-    tube: Mapping[str, float]
-    """Radii in mm, axial stretch, and opening angle in rad."""
-    pressure: Array
-    """Internal pressures, in `pressure_unit`."""
-    pressure_unit: str
-    pressure_range: tuple[float, float] | None
-    """Diastolic and systolic pressure, in `pressure_unit`."""
-    density: float
-    """Density of the fluid, kg/m³."""
 
 
 def standard_specimens(size: int, count: int) -> Array:
@@ -110,18 +98,18 @@ def is_logarithm(name: str, kind: Variability) -> bool:
 
 
 def values_of(
-    kind: Variability, coordinates: Array, names: Sequence[str], place: Place
+    kind: Variability, coordinates: Array, names: Sequence[str], at: Conditions
 ) -> dict[str, Array]:
     """Return quantities of specimens by name, each of shape (pressure, draw, specimen).
 
     `coordinates` has the shape (coordinate, draw, specimen). A quantity is NaN where it does not
     exist, for example where a tube does not reach the pressure.
     """
-    shape = (len(place.pressure), *coordinates.shape[1:])
+    shape = (len(at.pressures), *coordinates.shape[1:])
     available = known_quantities(kind)
     bare = {n: n if n in available else n.removeprefix(_LOG_PREFIX) for n in names}
     parameters = kind.scale.numbers([*coordinates])
-    found = _properties(kind, parameters, [n for n in PROPERTIES if n in bare.values()], place)
+    found = _properties(kind, parameters, [n for n in PROPERTIES if n in bare.values()], at)
     for name in set(bare.values()) - set(found):
         if name in kind.scale.names:
             values = coordinates[kind.scale.names.index(name)]
@@ -137,16 +125,15 @@ def _properties(
     kind: Variability,
     parameters: Mapping[str, Array],
     wanted: Sequence[str],
-    place: Place,
+    at: Conditions,
 ) -> dict[str, Array]:
     """Return properties of tubes of these materials, computed in batches of draws."""
     draws, specimens = next(iter(parameters.values())).shape[:2]
     if not wanted:
         return {}
     step = max(1, _BATCH_SIZE // specimens)
-    settings: dict[str, Any] = dict(place.tube) | {"density": place.density}
-    if set(wanted) & set(BETWEEN_PRESSURES):
-        settings["pressure_range"] = place.pressure_range
+    if not set(wanted) & set(BETWEEN_PRESSURES):
+        at = replace(at, pressure_range=None)
     parts = []
     for start in range(0, draws, step):
         batch = {n: v[start : start + step] for n, v in parameters.items()}
@@ -158,15 +145,8 @@ def _properties(
         with warnings.catch_warnings():
             # The caller warns once about all specimens without a property.
             warnings.simplefilter("ignore")
-            found = tube_properties(
-                tree,
-                place.pressure,
-                pressure_unit=place.pressure_unit,
-                energy=kind.energy,
-                check="ignore",
-                **settings,
-            )
-        by_name = {name: _with_pressures(found[name], len(place.pressure)) for name in wanted}
+            found = tube_properties(tree, at, energy=kind.energy, check="ignore")
+        by_name = {name: _with_pressures(found[name], len(at.pressures)) for name in wanted}
         parts.append({name: np.where(finite, values, np.nan) for name, values in by_name.items()})
     return {name: np.concatenate([p[name] for p in parts], axis=1) for name in wanted}
 
@@ -183,29 +163,32 @@ def _with_pressures(values: xr.DataArray, count: int) -> Array:
     return values.transpose("pressure", "chain", "draw").values
 
 
-def place_of(
-    groups: xr.DataTree,
-    names: Sequence[str],
-    pressure: Any,
-    pressure_range: Any,
-    pressure_unit: str,
-    density: float,
-    tube: dict[str, float],
-) -> Place:
-    """Return the tube and pressures for these quantities; ValueError if a pressure is missing.
+def complete_conditions(
+    groups: xr.DataTree, names: Sequence[str], at: Any, *, one_pressure: bool = False
+) -> Conditions:
+    """Return the conditions for these quantities, with all measures of one tube.
 
-    Measures of the tube that are not given are medians over specimens, each of which is represented
-    by the median of its tests.
+    Measures of the tube that are not stated are medians over specimens, each of which is
+    represented by the median of its tests.
+
+    Raises
+    ------
+    ValueError
+        If a pressure is missing, or several axial stretches are stated, or several pressures in
+        place of `one_pressure`.
     """
-    if pressure is None:
-        wanted = [name for name in names if name in PROPERTIES]
-        if wanted:
-            raise ValueError(f"{wanted[0]} depends on the pressure: give pressure=...")
-        pressure = 0.0
-    wanted = [name for name in names if name in BETWEEN_PRESSURES]
-    if wanted and pressure_range is None:
+    at = as_conditions(at)
+    between = [name for name in names if name in BETWEEN_PRESSURES]
+    wanted = [name for name in names if name in PROPERTIES and name not in between]
+    if wanted and at.pressure is None:
         raise ValueError(
-            f"{wanted[0]} depends on two pressures: give pressure_range=(diastolic, systolic)"
+            f"{wanted[0]} depends on the pressure: give at=..., pressures in kPa, or with their "
+            "unit, such as at=ph.Conditions(90, pressure_unit='mmHg')"
+        )
+    if between and at.pressure_range is None:
+        raise ValueError(
+            f"{between[0]} depends on two pressures: give "
+            "at=ph.Conditions(pressure_range=(diastolic, systolic))"
         )
     parts = [
         part
@@ -214,14 +197,14 @@ def place_of(
     ]
     layered = has_layers(next(iter(groups.children.values())))
     measured = [n for n in GEOMETRY if not (layered and n == "outer_radius")]
-    middle = {
+    tube: dict[str, Any] = {
         name: float(np.median([np.median(part[name].values) for part in parts]))
         for name in measured
     }
-    return Place(
-        middle | tube,
-        np.atleast_1d(np.asarray(pressure, float)),
-        pressure_unit,
-        pressure_range,
-        density,
-    )
+    tube |= at.geometry()
+    if np.ndim(tube["axial_stretch"]):
+        raise ValueError(f"{at.tube}: expected one axial stretch, at which all are compared")
+    at = replace(at, pressure=0.0 if at.pressure is None else at.pressure, tube=Tube(**tube))
+    if one_pressure and len(at.pressures) > 1:
+        raise ValueError(f"at states the pressures {at.pressures.tolist()}; expected one pressure")
+    return at

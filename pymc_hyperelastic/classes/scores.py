@@ -21,7 +21,7 @@ TOP_CLASS = "most probable class"
 
 
 def score_probabilities(
-    probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, prob: float = 0.95
+    probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, ci_prob: float = 0.95
 ) -> xr.Dataset:
     r"""Score class probabilities against the true classes, and tabulate their calibration.
 
@@ -48,7 +48,7 @@ def score_probabilities(
     bins : int, default 10
         ``M``, the number of bins of equal width between 0 and 1. A probability at an edge between
         two bins belongs to the lower bin.
-    prob : float, default 0.95
+    ci_prob : float, default 0.95
         Coverage of the intervals of the observed frequencies.
 
     Returns
@@ -108,7 +108,7 @@ def score_probabilities(
     0.667
     """
     check_count("bins", bins, 1)
-    check_fraction("prob", prob)
+    check_fraction("ci_prob", ci_prob)
     attrs = dict(getattr(probability, "attrs", {}))
     probability = _checked_probability(probability)
     unit = str(probability.dims[0])
@@ -128,7 +128,7 @@ def score_probabilities(
         means[mean], means[f"{mean}_se"] = _mean(values.astype(float))
     edges = np.linspace(0, 1, bins + 1)
     table = xr.concat(
-        [_reliability(*forecast, edges, prob) for forecast in forecasts.values()], dim="forecast"
+        [_reliability(*forecast, edges, ci_prob) for forecast in forecasts.values()], dim="forecast"
     )
     gap = abs(table["observed_frequency"] - table["predicted_probability"])
     means["expected_calibration_error"] = (table["count"] * gap).sum("bin") / len(p)
@@ -142,7 +142,7 @@ def score_probabilities(
         {name: (unit, values) for name, values in scores.items()} | means | dict(table.data_vars),
         of_units | {"truth": (unit, np.asarray(classes)[true])} | of_table,
         {key: attrs[key] for key in ("title", "simulated", "strain_energy") if key in attrs}
-        | {"prob": prob},
+        | {"prob": ci_prob},
     )
 
 
@@ -218,14 +218,14 @@ def _mean(values: Array) -> tuple[float, float]:
     return mean, float(np.std(values, ddof=1) / np.sqrt(len(values)))
 
 
-def _reliability(p: Array, occurred: NDArray[np.bool_], edges: Array, prob: float) -> xr.Dataset:
+def _reliability(p: Array, occurred: NDArray[np.bool_], edges: Array, ci_prob: float) -> xr.Dataset:
     """Return predicted and observed frequencies of one forecast for each bin."""
     place = np.searchsorted(edges[1:-1].round(_DIGITS), p.round(_DIGITS))
     count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, occurred))
     total = np.bincount(place, p, len(edges) - 1)
     interval = np.full((len(count), 2), np.nan)
     for m in np.flatnonzero(count):
-        interval[m] = binomtest(int(hits[m]), int(count[m])).proportion_ci(prob, "wilson")
+        interval[m] = binomtest(int(hits[m]), int(count[m])).proportion_ci(ci_prob, "wilson")
     filled = np.where(count > 0, count, np.nan)
     columns = {
         "count": count,

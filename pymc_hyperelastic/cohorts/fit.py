@@ -23,7 +23,9 @@ from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import MeasuredValue, check_geometry
@@ -40,11 +42,14 @@ from pymc_hyperelastic.models.priors import (
 )
 from pymc_hyperelastic.models.settings import ModelSettings
 from pymc_hyperelastic.parallel import LOCK
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
+# Properties that are conditions; the others are measures of the tube and `check`.
+_OF_CONDITIONS = ("pressure", "pressure_range", "pressure_unit", "density")
 # Draws whose curves are compared with quadrature: a few show whether the integrator suits them.
 _COMPARED = 16
 
@@ -178,8 +183,11 @@ class _Fit:
     def _properties(self, work: Fitting, data: xr.Dataset) -> dict[str, Any]:
         posterior = posterior_of({name: values[None] for name, values in self.posterior.items()})
         tree = xr.DataTree.from_dict({"posterior": posterior, "constant_data": data})
-        settings = dict(work.properties)
-        found = tube_properties(tree, settings.pop("pressure"), energy=work.energy, **settings)
+        stated = {n: v for n, v in work.properties.items() if n in _OF_CONDITIONS}
+        measures = {n: v for n, v in work.properties.items() if n in GEOMETRY}
+        rest = {n: v for n, v in work.properties.items() if n not in stated | measures}
+        at = Conditions(**stated, tube=Tube(**measures))
+        found = tube_properties(tree, at, energy=work.energy, **rest)
         quantiles = found.quantile([*QUANTILES.values()], ["chain", "draw"], skipna=True)
         properties: dict[str, Any] = {
             name: (
@@ -271,8 +279,8 @@ def fit_cohort(
         See :func:`~pymc_hyperelastic.inflation_model`; distributions of PyMC with numbers for
         parameters, which can be written down.
     properties : dict, optional
-        Arguments of :func:`~pymc_hyperelastic.tube_properties`, ``pressure`` at least: these
-        elastic properties of each specimen are kept, as median and 95 % interval.
+        Arguments of :class:`~pymc_hyperelastic.Conditions`, ``pressure`` at least, and measures of
+        the tube: these elastic properties of each specimen are kept, as median and 95 % interval.
     draws : int, default 500
         Draws of each posterior.
     client : distributed.Client, optional

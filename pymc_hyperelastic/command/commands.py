@@ -26,6 +26,7 @@ from pymc_hyperelastic.io.results import save_result
 from pymc_hyperelastic.io.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.reports.report import report as write_report
 
 app = typer.Typer(
@@ -63,6 +64,8 @@ class By(StrEnum):
     test = "test"
 
 
+# Unit of pressures in figures and reports of the command line.
+_IN_MMHG = Conditions(pressure_unit="mmHg")
 _INSTEAD = "replace it with --overwrite, or name another folder with --out"
 
 
@@ -94,7 +97,7 @@ def check(
     if figure.is_dir() or not figure.suffix:
         raise ValueError(f"--figure is {str(figure)!r}; expected a file such as curves.png")
     figure.parent.mkdir(parents=True, exist_ok=True)
-    plot_inflation(data, pressure_unit="mmHg").savefig(figure, dpi=150)
+    plot_inflation(data, pressure_unit=_IN_MMHG.pressure_unit).savefig(figure, dpi=150)
     typer.echo(f"\nThe curves are drawn in {figure}.")
 
 
@@ -267,8 +270,7 @@ def compare(
     result = compare_classes(
         trees if len(trees) > 1 else trees[0],
         quantity or ["log compliance", "circumferential_material_stiffness"],
-        pressure=size_of("--pressure", pressure, "pressure"),
-        pressure_range=between,
+        at=Conditions(size_of("--pressure", pressure, "pressure"), pressure_range=between),
         pair=pair,
         covariates=covariate,
         random_seed=seed,
@@ -291,7 +293,7 @@ def report(
     page = page or study / "report.html"
     if page.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"--page is {str(page)!r}; expected a file that ends with .html")
-    path = write_report(results_of(study), page, title=title)
+    path = write_report(results_of(study), page, title=title, at=_IN_MMHG)
     typer.echo(f"The report is {path}.")
 
 

@@ -13,13 +13,14 @@ from scipy.special import log_softmax
 
 from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
-from pymc_hyperelastic.classes.quantities import known_quantities, place_of
+from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.design.planned_tests import Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
@@ -46,10 +47,7 @@ def expected_information(
     *,
     about: str = "class",
     given: xr.Dataset | None = None,
-    pressure: float | None = None,
-    pressure_range: tuple[float, float] | None = None,
-    pressure_unit: str = "kPa",
-    tube: Mapping[str, float] | None = None,
+    at: Conditions | float | None = None,
     class_prior: Mapping[str, float] | None = None,
     stop_below: float | None = None,
     specimens: int = 200,
@@ -69,8 +67,10 @@ def expected_information(
     designs : dict
         Planned tests, by names that the user chooses. A test is a dict with
 
-        ``"pressure"`` or ``"radius"``: internal pressure in `pressure_unit`, or internal radius in
-        mm. A number is held constant; a pair ``(low, high)`` is the range of an increasing one.
+        ``"pressure"`` or ``"radius"``: internal pressure, or internal radius in mm. A number is
+        held constant; a pair ``(low, high)`` is the range of an increasing one.
+
+        ``"pressure_unit"``: unit of the pressure; ``"kPa"`` by default.
 
         ``"axial_stretch"``: a number, or a pair if the tube is extended at a held pressure or
         radius; 1 by default.
@@ -80,6 +80,10 @@ def expected_information(
         ``"force"``: True if the axial force is measured; by default, True if it was measured in the
         classes.
 
+        ``"tube"``: a :class:`Tube` with the radii and the opening angle of the unloaded tube. By
+        default, and where a measure is not stated, they are those in `given`, or the medians of the
+        specimens of the classes.
+
         Give a list of such dicts for several tests of one specimen.
     about : str, default "class"
         Subject of the information: the class, or a quantity of the specimen as in
@@ -87,15 +91,9 @@ def expected_information(
     given : xarray.Dataset, optional
         Earlier tests of the specimen. The information is then that of the planned tests given the
         earlier ones.
-    pressure, pressure_range : optional
-        Pressures at which a property is computed, in `pressure_unit`, as in
-        :func:`compare_classes`.
-    pressure_unit : str, default "kPa"
-        Unit of these pressures, and of the pressures of the designs.
-    tube : dict of str to float, optional
-        ``inner_radius``, ``outer_radius`` (mm) and ``opening_angle`` (rad) of the new specimen.
-        By default they are those in `given`, or the medians of the specimens of the classes. A
-        property is computed for this tube, at its ``axial_stretch``.
+    at : Conditions, or pressure in kPa, optional
+        Conditions for which a property is computed, as in :func:`compare_classes`; only one
+        pressure.
     class_prior : dict of str to float, optional
         Prior probabilities of the classes; equal by default.
     stop_below : float, optional
@@ -183,15 +181,12 @@ def expected_information(
     --------
     >>> import pymc_hyperelastic as ph
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
-    >>> designs = {"one point": {"pressure": 20, "points": 1}, "curve": {"pressure": (10, 140)}}
+    >>> designs = {
+    ...     "one point": {"pressure": 20, "pressure_unit": "mmHg", "points": 1},
+    ...     "curve": {"pressure": (10, 140), "pressure_unit": "mmHg"},
+    ... }
     >>> found = ph.expected_information(
-    ...     classes,
-    ...     designs,
-    ...     about="alpha",
-    ...     pressure_unit="mmHg",
-    ...     specimens=20,
-    ...     draws=64,
-    ...     random_seed=1,
+    ...     classes, designs, about="alpha", specimens=20, draws=64, random_seed=1
     ... )
     >>> found["design"].values.tolist()
     ['curve', 'one point']
@@ -204,12 +199,11 @@ def expected_information(
         raise ValueError("designs must be a dict from names to planned tests, with at least one")
     if about != "class" and about not in known_quantities(kind):
         raise ValueError(f"about is {about!r}; expected 'class' or one of {known_quantities(kind)}")
-    planned = {str(n): as_design(str(n), d, kind, pressure_unit) for n, d in designs.items()}
+    planned = {str(n): as_design(str(n), d, kind) for n, d in designs.items()}
     quantities = [] if about == "class" else [about]
-    where = pressure, pressure_range, pressure_unit, 1060.0, dict(tube or {})
-    place = place_of(classes, quantities, *where)
+    at = complete_conditions(classes, quantities, at, one_pressure=True)
     log_prior = _log_prior(names, class_prior)
-    simulation = Simulation(kind, classes, place, given, log_prior, draws)
+    simulation = Simulation(kind, classes, at, given, log_prior, draws)
     seeds = np.random.SeedSequence(random_seed).spawn(3)
     tried = simulation.specimens(specimens, max(map(len, planned.values())), seeds[0])
     trials = {}

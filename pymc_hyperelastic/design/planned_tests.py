@@ -1,7 +1,7 @@
 """Read planned tests from the user's settings, and compute the radii of specimens in them."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -11,9 +11,10 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.geometry import deviated_tube, deviation_name
-from pymc_hyperelastic.predictions.draws import GivenTube, draws_of
+from pymc_hyperelastic.predictions.draws import draws_of, stated_geometry
 from pymc_hyperelastic.predictions.members import posterior_of
 
 Array = NDArray[np.float64]
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 # Number of points of a test by default.
 _POINTS = 20
 # Settings of a test that a user may give.
-_SETTINGS = ("pressure", "radius", "axial_stretch", "points", "force")
+_SETTINGS = ("pressure", "radius", "pressure_unit", "axial_stretch", "points", "force", "tube")
 # Pressure below which a tube counts as not inflated, kPa: 0 up to rounding errors. A test at a held
 # radius needs a larger one.
 _NO_PRESSURE = 1e-9
@@ -38,8 +39,14 @@ class PlannedTest(NamedTuple):
     """Axial stretches, constant or increasing, (point,)."""
     force: bool
     """True if the axial force is measured."""
+    tube: dict[str, float]
+    """Stated radii, mm, and opening angle, rad."""
     words: str
     """Description of the test, in the user's units."""
+
+    def measures(self, typical: Mapping[str, float]) -> dict[str, float]:
+        """Return the measures of the tube: the stated ones, else the typical ones."""
+        return {**typical, **self.tube}
 
 
 Design = list[PlannedTest]
@@ -50,7 +57,7 @@ def words_of(design: Design) -> str:
     return "; ".join(test.words for test in design)
 
 
-def as_design(name: str, given: Any, kind: Variability, pressure_unit: str) -> Design:
+def as_design(name: str, given: Any, kind: Variability) -> Design:
     """Convert the user's dict, or list of dicts, to a design; raise if a setting is invalid.
 
     `name` is the name of the design in errors, and `kind` describes the classes.
@@ -58,10 +65,10 @@ def as_design(name: str, given: Any, kind: Variability, pressure_unit: str) -> D
     tests = [given] if isinstance(given, Mapping) else list(given)
     if not tests:
         raise ValueError(f"design {name!r} has no tests")
-    return [_as_test(name, test, kind, pressure_unit) for test in tests]
+    return [_as_test(name, test, kind) for test in tests]
 
 
-def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> PlannedTest:
+def _as_test(name: str, given: Any, kind: Variability) -> PlannedTest:
     label = f"design {name!r}"
     if not isinstance(given, Mapping):
         raise TypeError(
@@ -86,6 +93,7 @@ def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> Pl
         )
     control = controls[0]
     held = _range(label, control, given[control], points)
+    pressure_unit = given.get("pressure_unit", "kPa")
     unit = {"pressure": pressure_unit, "radius": "mm"}[control]
     values = (
         f"{held[0]:.4g} {unit}" if np.ptp(held) == 0 else f"{held[0]:.4g} to {held[-1]:.4g} {unit}"
@@ -109,7 +117,16 @@ def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> Pl
     words = f"{values} at a stretch of {stretch[0]:.4g}"
     if np.ptp(stretch) > 0:
         words = f"stretched from {stretch[0]:.4g} to {stretch[-1]:.4g} at {values}"
-    return PlannedTest(control, held, stretch, bool(force), words + (", with force" * bool(force)))
+    words += ", with force" * bool(force)
+    tube = _stated_tube(label, given.get("tube"))
+    return PlannedTest(control, held, stretch, bool(force), tube, words)
+
+
+def _stated_tube(label: str, tube: Tube | None) -> dict[str, float]:
+    stated = {} if tube is None else stated_geometry(tube)
+    if "axial_stretch" in stated:
+        raise ValueError(f"{label}: give the axial stretch of a test as 'axial_stretch': ...")
+    return stated
 
 
 def _range(label: str, name: str, given: Any, points: int) -> Array:
@@ -134,8 +151,8 @@ def radii_of(
     """Return internal radii (mm), (specimen, obs), of specimens in these tests.
 
     A specimen that cannot bear a test has NaN. Specimens are given by the variables of their model,
-    along the first axis. `tube` has the measures of the tube, and `sds` the standard deviations of
-    their errors.
+    along the first axis. `tube` has the measures that a test does not state, and `sds` the
+    standard deviations of their errors.
     """
     by_test = bool(kind.experiment_effect)
     found = []
@@ -148,7 +165,9 @@ def radii_of(
         ]
         values = kind.scale.numbers(coordinates)
         held = np.ptp(test.axial_stretch) == 0
-        measured = {**tube, **errors} | ({"axial_stretch": test.axial_stretch[0]} if held else {})
+        measured = {**test.measures(tube), **errors} | (
+            {"axial_stretch": test.axial_stretch[0]} if held else {}
+        )
         tubes = dict(deviated_tube(measured, deviations)) if deviations else measured
         if not held:
             tubes["axial_stretch"] = test.axial_stretch
@@ -159,8 +178,7 @@ def radii_of(
         posterior = posterior_of({name: v[None] for name, v in values.items()})
         tree = xr.DataTree.from_dict({"posterior": posterior})
         finite = [n for n in GEOMETRY if n in tubes and np.isfinite(tubes[n]).all()]
-        given = {"energy": kind.energy} | {name: tubes[name] for name in finite}
-        drawn = draws_of(tree, **cast(GivenTube, given))
+        drawn = draws_of(tree, Tube(**{n: tubes[n] for n in finite}), energy=kind.energy)
         if test.control == "pressure":
             found.append(drawn.tube.radius_at(test.held)[0])
         else:
@@ -177,7 +195,7 @@ def empty_data(
     stretches = [t.axial_stretch for t in tests]
     varies = any(np.ptp(s) > 0 for s in stretches)
     variables: dict[str, Any] = {
-        name: ("test", np.full(len(tests), value)) for name, value in tube.items()
+        name: ("test", np.array([test.measures(tube)[name] for test in tests])) for name in tube
     }
     variables |= {f"{n}_sd": ("test", np.full(len(tests), sd)) for n, sd in sds.items()}
     variables["axial_stretch"] = (

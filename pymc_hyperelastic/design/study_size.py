@@ -3,7 +3,7 @@
 The shares of studies that reach a decision are assurances, see :func:`plan_study`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -15,13 +15,14 @@ from scipy import special, stats
 from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.compare_classes import check_quantities
 from pymc_hyperelastic.classes.groups import groups_of, kind_of_groups
-from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
+from pymc_hyperelastic.classes.quantities import complete_conditions, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
@@ -72,13 +73,9 @@ def plan_study(
     quantity: str | Sequence[str],
     specimens: Sequence[int] = _SIZES,
     *,
-    pressure: float | None = None,
-    pressure_range: tuple[float, float] | None = None,
-    pressure_unit: str = "kPa",
-    density: float = 1060.0,
-    tube: Mapping[str, float] | None = None,
+    at: Conditions | float | None = None,
     relevant: float = 0.0,
-    prob: float = 0.95,
+    ci_prob: float = 0.95,
     studies: int = 100,
     draws: int = 200,
     new_specimens: int = 20,
@@ -100,12 +97,12 @@ def plan_study(
         Quantities by which groups are compared, as in :func:`compare_classes`.
     specimens : sequence of int, default (4, 6, 8, 12, 20, 40)
         Numbers of specimens per group.
-    pressure, pressure_range, pressure_unit, density, tube : optional
-        Conditions at which properties are computed, as in :func:`compare_classes`; only one
+    at : Conditions, or pressure in kPa, optional
+        Conditions for which properties are computed, as in :func:`compare_classes`; only one
         pressure.
     relevant : float, default 0
         Smallest difference that matters, in the unit of the quantity.
-    prob : float, default 0.95
+    ci_prob : float, default 0.95
         Probability of the equal-tailed intervals of a difference.
     studies : int, default 100
         Number of simulated studies of each size. A study contains the specimens of the same study
@@ -125,14 +122,14 @@ def plan_study(
 
         ``width``, ``width_se`` : median over studies of the width of the interval of the difference
         of the typical specimens, and its standard error. ``width_interval`` : central interval that
-        contains the widths of a fraction `prob` of the studies (``bound``: low, high).
+        contains the widths of a fraction `ci_prob` of the studies (``bound``: low, high).
 
         ``decided``, ``decided_se`` : fraction of studies whose interval lies entirely above
         `relevant` or below ``-relevant``, and its standard error. ``wrong`` : fraction of all
         studies that decide for the wrong sign.
 
-        ``covered`` : fraction of intervals that contain the true difference; about `prob` if the
-        method is calibrated.
+        ``covered`` : fraction of intervals that contain the true difference; about `ci_prob` if
+        the method is calibrated.
 
         ``log_score``, ``log_score_se`` : mean log probability of the true class of new specimens,
         measured as in the pilot, by classes with this number of specimens and equal prior
@@ -196,31 +193,22 @@ def plan_study(
             "plan_study supports the default priors only: fit the pilot without priors"
         )
     sizes = _sizes(specimens)
-    for name, value, least in (
-        ("studies", studies, 10),
-        ("draws", draws, 50),
-        ("new_specimens", new_specimens, 1),
-    ):
-        check_count(name, value, least)
-    check_fraction("prob", prob)
+    check_count("studies", studies, 10)
+    check_count("draws", draws, 50)
+    check_count("new_specimens", new_specimens, 1)
+    check_fraction("ci_prob", ci_prob)
     if not relevant >= 0:
         raise ValueError(f"relevant is {relevant}; expected a difference, 0 or more")
-    where = pressure, pressure_range, pressure_unit, density, dict(tube or {})
-    place = place_of(classes, names, *where)
-    if len(place.pressure) > 1:
-        raise ValueError(f"plan_study is for one pressure; got {place.pressure.tolist()}")
+    at = complete_conditions(classes, names, at, one_pressure=True)
     rng = np.random.default_rng(random_seed)
     pilot = _pilot(kind, classes, studies, rng)
     posteriors = _studied(kind, pilot, sizes, rng)
 
     def difference(location: Array) -> Array:
-        """Return differences of typical specimens, (comparison, quantity, ...).
-
-        `location` has the shape (group, ..., coordinate).
-        """
+        """Return differences of typical specimens, from (group, ..., coordinate) locations."""
         coordinates = np.moveaxis(location, -1, 0)
         flat = coordinates.reshape(len(coordinates), 1, -1)
-        found = np.stack([*values_of(kind, flat, names, place).values()])
+        found = np.stack([*values_of(kind, flat, names, at).values()])
         of_groups = found.reshape(len(names), *coordinates.shape[1:])
         pairs = combinations(range(len(groups)), 2)
         return np.stack([of_groups[:, j] - of_groups[:, i] for i, j in pairs])
@@ -232,16 +220,19 @@ def plan_study(
             f"{lacking:.1%} of the simulated materials do not have the quantity, such as a radius "
             "at this pressure, and are left out"
         )
-    result = _result(truth, found, relevant, prob)
-    result = result.assign(_scores(pilot, posteriors, new_specimens, rng))
-    labels = [f"{b} − {a}" for a, b in combinations(groups, 2)]
-    units = [unit_of(name, kind) or "" for name in names]
-    coords = {"specimens": sizes, "comparison": labels, "quantity": names}
-    return result.assign_coords(coords | {"unit": ("quantity", units)}).assign_attrs(
+    scores = _scores(pilot, posteriors, new_specimens, rng)
+    result = _result(truth, found, relevant, ci_prob).assign(scores)
+    coords = {
+        "specimens": sizes,
+        "comparison": [f"{b} − {a}" for a, b in combinations(groups, 2)],
+        "quantity": names,
+        "unit": ("quantity", [unit_of(name, kind) or "" for name in names]),
+    }
+    return result.assign_coords(coords).assign_attrs(
         **origin_of(classes),
         strain_energy=labels_of([kind])[0],
-        pressure_unit=pressure_unit,
-        interval=prob,
+        pressure_unit=at.pressure_unit,
+        interval=ci_prob,
         relevant=relevant,
         studies=studies,
     )
@@ -322,10 +313,7 @@ def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -
 
 
 def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
-    """Simulate estimated coordinates of specimens, (group, study, specimen, coordinate).
-
-    Also return the covariances of their estimation errors.
-    """
+    """Return estimates (group, study, specimen, coordinate), and their error covariances."""
     groups, studies, dimension = pilot.location.shape
     noise = rng.standard_normal((2, groups, studies, count, dimension))
     errors = pilot.errors[rng.integers(len(pilot.errors), size=noise.shape[1:4])]
@@ -342,9 +330,9 @@ def _locations(posteriors: _Known, draws: int, rng: Any) -> Array:
     return posteriors.mean[..., None, :] + noise @ np.linalg.cholesky(posteriors.scale).mT
 
 
-def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Dataset:
+def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.Dataset:
     """Summarise draws of differences, (comparison, quantity, size, study, draw), over studies."""
-    tail = (1 - prob) / 2
+    tail = (1 - ci_prob) / 2
     low, middle, high = np.nanquantile(found, [tail, 0.5, 1 - tail], axis=-1)
     dims = "comparison", "quantity", "specimens", "study"
     truth = np.broadcast_to(truth[:, :, None], low.shape)
@@ -376,10 +364,7 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
 
 
 def _scores(pilot: _Pilot, posteriors: _Known, count: int, rng: Any) -> xr.Dataset:
-    """Return log scores of new specimens, with the studies' posteriors and the true distributions.
-
-    `count` is the number of new specimens per group.
-    """
+    """Return log scores of `count` new specimens per group, by posteriors and by the truth."""
     x, errors = _found(pilot, count, rng)
     groups = np.arange(len(x))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_softmax, logsumexp, softmax
 
-from pymc_hyperelastic.classes.quantities import Place, values_of
+from pymc_hyperelastic.classes.quantities import complete_conditions, values_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens, reference_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
@@ -21,6 +21,7 @@ from pymc_hyperelastic.design.few_draws import FewDraws, known_class
 from pymc_hyperelastic.design.planned_tests import Design, beside, empty_data, radii_of, words_of
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.settings import inflation_data_of
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
@@ -70,23 +71,24 @@ class Trial(NamedTuple):
 class Simulation:
     """Simulate tests of specimens of the classes, after the `given` tests if there are any.
 
-    `place` has the tube and the pressures at which a quantity is computed.
+    A quantity is computed under the conditions `at`.
     """
 
     def __init__(
         self,
         kind: Variability,
         classes: xr.DataTree,
-        place: Place,
+        at: Conditions,
         given: xr.Dataset | None,
         log_prior: Array,
         draws: int,
     ) -> None:
-        self._kind, self._place, self._given, self._draws = kind, place, given, draws
+        self._kind, self._at, self._given, self._draws = kind, at, given, draws
         self._log_prior = log_prior
         self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
         # The outer radius of a layered wall follows from the thicknesses, and stays NaN.
-        self._tube: dict[str, float] = {"outer_radius": np.nan, **place.tube}
+        medians = complete_conditions(classes, [], None).geometry()
+        self._tube: dict[str, float] = {"outer_radius": np.nan, **medians}
         self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
         if given is None:
             return
@@ -190,7 +192,7 @@ class Simulation:
 
         def values(coordinates: Array) -> Array:
             """Return the quantity, (specimen, draw), at (coordinate, specimen, draw)."""
-            return values_of(self._kind, coordinates, [name], self._place)[name][0]
+            return values_of(self._kind, coordinates, [name], self._at)[name][0]
 
         scale = self._kind.scale.names
         truth = values(np.stack([tried.variables[n][:, :1] for n in scale]))[:, 0]

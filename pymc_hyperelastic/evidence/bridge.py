@@ -42,7 +42,7 @@ _MOST_PARTS = 8
 
 
 @one_thread
-def log_evidence_by_bridge(
+def bridge_sampling(
     model: pm.Model,
     tree: xr.DataTree,
     *,
@@ -140,7 +140,7 @@ def log_evidence_by_bridge(
     ...     mean = pm.Normal("mean", 0.0, 3.0)
     ...     y = pm.Normal("y", mean, 4.0, observed=1.0)
     >>> tree = ph.sample_smc(model, draws=500, chains=4, random_seed=1, progressbar=False)
-    >>> evidence = ph.log_evidence_by_bridge(model, tree, random_seed=1)
+    >>> evidence = ph.bridge_sampling(model, tree, random_seed=1)
     >>> abs(evidence.value - -2.548376) < 3 * evidence.standard_error
     True
     """

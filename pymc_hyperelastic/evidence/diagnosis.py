@@ -53,7 +53,7 @@ _LIMITS = {
     "limits": (0.5, 1.0),
 }
 _INSTEAD = (
-    "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
+    "; another way is NUTS and ph.bridge_sampling, for classes of specimens that differ "
     "ph.fit_classes"
 )
 
@@ -83,7 +83,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
 
     See Also
     --------
-    diagnose_evidence, log_evidence_by_bridge
+    diagnose_evidence, bridge_sampling
 
     Examples
     --------
@@ -163,7 +163,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 
     See Also
     --------
-    log_evidence, log_evidence_by_bridge
+    log_evidence, bridge_sampling
 
     Examples
     --------

@@ -165,7 +165,7 @@ class BatchedSMC(SMC_KERNEL):
             return
         raise ValueError(
             f"the model has {self.dimension} unknowns, {why}: sample it with NUTS (pm.sample), and "
-            "take ph.log_evidence_by_bridge; or for classes of specimens ph.fit_classes"
+            "take ph.bridge_sampling; or for classes of specimens ph.fit_classes"
         )
 
     def set_rng(self, rng: np.random.Generator) -> None:

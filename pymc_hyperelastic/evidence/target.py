@@ -225,7 +225,7 @@ def check_possible(possible: NDArray[np.bool_], nan_count: int, points: str) -> 
             f"none of {points} has a finite likelihood ({nan_count} are NaN): is the "
             "prior far from what the data allow, or is a unit wrong? If little of the prior is "
             "possible, give the model a prior of that part alone, such as pm.Truncated, or "
-            "sample it with pm.sample and take ph.log_evidence_by_bridge"
+            "sample it with pm.sample and take ph.bridge_sampling"
         )
 
 

@@ -91,7 +91,7 @@ def inflation_model(
         Whether the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
         probability of the others, so that the prior is normalised. See also
-        :func:`~pymc_hyperelastic.admissible`.
+        :func:`~pymc_hyperelastic.is_admissible`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
     name : str, optional

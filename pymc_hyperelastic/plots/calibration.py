@@ -34,7 +34,7 @@ _ERROR = "expected_calibration_error"
 def plot_calibration_ranks(
     sbc: xr.Dataset,
     *,
-    prob: float = 0.95,
+    ci_prob: float = 0.95,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -43,16 +43,16 @@ def plot_calibration_ranks(
 
     The line is the empirical distribution function of the ranks less the uniform one: the share of
     simulations whose rank is below ``k``, less ``k/(L + 1)``, over the latter. If the model is
-    right, the whole line is inside the band with the probability `prob` [1]_. A line that is above
-    0 on the left and below 0 on the right shows that posteriors are too narrow, the mirrored one
-    that they are too wide, and a line above 0 throughout that they lie too high.
+    right, the whole line is inside the band with the probability `ci_prob` [1]_. A line that is
+    above 0 on the left and below 0 on the right shows that posteriors are too narrow, the mirrored
+    one that they are too wide, and a line above 0 throughout that they lie too high.
 
     Parameters
     ----------
     sbc : xarray.Dataset
         Result of :func:`pymc_hyperelastic.simulation_based_calibration`; choose parameters by
         ``sbc.sel(parameter=[...])``.
-    prob : float, default 0.95
+    ci_prob : float, default 0.95
         Probability that the band holds.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``reference``,
@@ -66,7 +66,7 @@ def plot_calibration_ranks(
     Raises
     ------
     TypeError, ValueError
-        If `sbc` holds no ranks, or `prob`, the backend or a visual is unknown.
+        If `sbc` holds no ranks, or `ci_prob`, the backend or a visual is unknown.
 
     See Also
     --------
@@ -92,7 +92,7 @@ def plot_calibration_ranks(
     1
     """
     check_table(sbc, "ph.simulation_based_calibration", "rank", "p_value")
-    check_fraction("prob", prob)
+    check_fraction("ci_prob", ci_prob)
     rank, values = sbc["rank"], int(read_number(sbc, "ranked_draws")) + 1
     dims = {"simulation", "parameter"} if rank.ndim > 1 else {"simulation"}
     if set(rank.dims) != dims or not np.all((rank >= 0) & (rank < values)):
@@ -116,7 +116,7 @@ def plot_calibration_ranks(
         aes={"color": ["parameter"]},
         color=PALETTE[:1],
     )
-    x, low, high = _simultaneous_band(simulations, values, prob)
+    x, low, high = _simultaneous_band(simulations, values, ci_prob)
     grey = {"ignore_aes": "all", "color": "0.5"}
     canvas.draw("band", "fill_between_y", x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
     canvas.draw("line", "line_xy", width=1.5)
@@ -134,7 +134,7 @@ def plot_calibration_ranks(
     canvas.title(
         [sbc.attrs],
         f"simulation-based calibration, {simulations} simulations, "
-        f"{100 * prob:.3g} % simultaneous band",
+        f"{100 * ci_prob:.3g} % simultaneous band",
     )
     return canvas.collection
 
@@ -242,14 +242,14 @@ def _straight(name: str, left: float, right: float, **panels: list) -> xr.Datase
     return line.expand_dims(panels)
 
 
-def _simultaneous_band(simulations: int, values: int, prob: float) -> tuple[Array, Array, Array]:
+def _simultaneous_band(simulations: int, values: int, ci_prob: float) -> tuple[Array, Array, Array]:
     """Band that holds the whole line of uniform ranks with this probability."""
     from arviz_stats.ecdf_utils import get_pointwise_confidence_band, simulate_confidence_bands
 
     # At these points the share of ranks below is binomial, though ranks are discrete.
     due = np.arange(1, values) / values
     rng = np.random.default_rng(_BAND_SEED)
-    pointwise = simulate_confidence_bands(simulations, 1, due, prob, _BAND_SIMULATIONS, rng)
+    pointwise = simulate_confidence_bands(simulations, 1, due, ci_prob, _BAND_SIMULATIONS, rng)
     low, high = get_pointwise_confidence_band(pointwise, simulations, due)
     x, low, high = (np.concatenate([[0.0], v, [1.0]]) for v in (due, low, high))
     return x, low - x, high - x

@@ -87,7 +87,7 @@ def plot_comparison(
     --------
     >>> import pymc_hyperelastic as ph
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
-    >>> result = ph.compare_classes(classes, ["mu", "alpha"], bayes_factor=False, random_seed=1)
+    >>> result = ph.compare_classes(classes, ["mu", "alpha"], effect_prior=None, random_seed=1)
     >>> figure = ph.plot_comparison(result, backend="none")
     >>> figure.viz["points"]["difference"].sizes["quantity"]
     2
@@ -99,13 +99,13 @@ def plot_comparison(
             raise damaged(result, f"{name!r} has no two bounds: {dict(result[name].sizes)}")
     if statistic not in _STATISTICS:
         raise ValueError(f"statistic must be one of {list(_STATISTICS)}, not {statistic!r}")
-    wishes, prob = (backend, visuals, pc_kwargs), read_number(result, "interval")
+    wishes, ci_prob = (backend, visuals, pc_kwargs), read_number(result, "interval")
     law, comparisons = read_text(result, "strain_energy"), result["comparison"].values.tolist()
     if "pressure" in result.dims:
-        canvas = _curves(result, statistic, prob, wishes)
+        canvas = _curves(result, statistic, ci_prob, wishes)
         canvas.title([result.attrs], law)
     else:
-        canvas, held = _rows(result, wishes), f"median and {100 * prob:.3g} % of the posterior"
+        canvas, held = _rows(result, wishes), f"median and {100 * ci_prob:.3g} % of the posterior"
         comparison = str(comparisons[0]) if len(comparisons) == 1 else None
         canvas.title([result.attrs], law, comparison, held)
     return canvas.collection
@@ -148,16 +148,16 @@ def _in_panels(*of_panels: xr.DataArray) -> xr.DataArray:
     return xr.concat([each.reset_coords(drop=True) for each in of_panels], panel)
 
 
-def _curves(result: xr.Dataset, statistic: str, prob: float, wishes: Wishes) -> Canvas:
+def _curves(result: xr.Dataset, statistic: str, ci_prob: float, wishes: Wishes) -> Canvas:
     """Draw the curves of each group over the pressure."""
     check_numbers(result, result, "pressure", ("pressure",))
     pressure, groups = result["pressure"].values, result["group"].values.tolist()
     draws = result["draws"].sel(statistic=statistic).transpose(..., "pressure")
     curves = [
-        Curve(name, (group,), band_rows(pressure, draws.sel(of_one).values, prob))
+        Curve(name, (group,), band_rows(pressure, draws.sel(of_one).values, ci_prob))
         for group in groups
         for name in result["quantity"].values.tolist()
         for of_one in [{"group": group, "quantity": name}]
     ]
     unit = read_text(result, "pressure_unit")
-    return draw_over_pressure(curves, groups, prob, unit, wishes, _STATISTICS[statistic])
+    return draw_over_pressure(curves, groups, ci_prob, unit, wishes, _STATISTICS[statistic])

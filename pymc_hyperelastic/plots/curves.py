@@ -35,16 +35,16 @@ class Curve(NamedTuple):
     """Rows `BAND` or `POINTS` of the points of the curve."""
 
 
-def band_rows(x: Array, draws: Array, prob: float, extrapolated: ArrayLike = 0.0) -> Array:
+def band_rows(x: Array, draws: Array, ci_prob: float, extrapolated: ArrayLike = 0.0) -> Array:
     """Median and interval with equal tails of draws (chain, draw, point), as rows `BAND`.
 
     A point that no draw has is NaN.
     """
-    check_fraction("prob", prob)
+    check_fraction("ci_prob", ci_prob)
     draws = draws.reshape(-1, x.size)
     there = ~np.isnan(draws).all(axis=0)
     quantiles = np.full((3, x.size), np.nan)
-    levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
+    levels = [0.5, (1 - ci_prob) / 2, (1 + ci_prob) / 2]
     quantiles[:, there] = np.nanquantile(draws[:, there], levels, axis=0)
     return np.array([x, np.broadcast_to(extrapolated, x.shape), *quantiles])
 
@@ -85,7 +85,7 @@ def looks_of(dim: str) -> dict[str, Any]:
     return {"aes": aes, "color": PALETTE * count[0], "linestyle": LINE_STYLES * count[1]}
 
 
-def draw_bands(canvas: Canvas, bands: xr.Dataset, prob: float) -> dict[str, dict[str, Any]]:
+def draw_bands(canvas: Canvas, bands: xr.Dataset, ci_prob: float) -> dict[str, dict[str, Any]]:
     """Draw bands and medians, dashed where extrapolated; return their entries of a legend."""
     shape = {"linestyle", "marker"} & canvas.collection.aes_set
     band = bands.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
@@ -97,7 +97,7 @@ def draw_bands(canvas: Canvas, bands: xr.Dataset, prob: float) -> dict[str, dict
     colour = _GREY if len(canvas.collection.aes["color"]["mapping"]) > 1 else PALETTE[0]
     entries: dict[str, dict[str, Any]] = {
         "posterior median": {"color": colour, "linewidth": 1.5},
-        f"{100 * prob:.3g} % of the posterior": {"color": colour, "linewidth": 6, "alpha": 0.35},
+        f"{100 * ci_prob:.3g} % of the posterior": {"color": colour, "linewidth": 6, "alpha": 0.35},
     }
     if bool((beyond == 1).any().to_array().any()):
         # Dashes reach the first point that was measured.

@@ -58,7 +58,7 @@ def plot_parameter_density(
     classes: xr.DataTree,
     *,
     var_names: Sequence[str] | None = None,
-    probs: Sequence[float] = (0.5, 0.95),
+    ci_probs: Sequence[float] = (0.5, 0.95),
     specimen: str | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
@@ -82,7 +82,7 @@ def plot_parameter_density(
         default the first two parameters of the wall. If the wall has a single one and specimens
         differ, they are its location and spread in the class, such as ``["location[log_mu]",
         "spread[log_mu]"]``. Errors are shown only if there are no other variables.
-    probs : sequence of float
+    ci_probs : sequence of float
         Probabilities that the regions hold.
     specimen : str, optional
         Specimen whose parameters are shown, where specimens differ; by default the typical one and
@@ -127,16 +127,16 @@ def plot_parameter_density(
     for tree in fitted.values():
         for name in names:
             read_numbers(tree, "posterior", name.partition("[")[0], None)
-    probs = sorted(probs, reverse=True)
-    if not probs or not all(0 < prob < 1 for prob in probs):
-        raise ValueError(f"probs must hold probabilities between 0 and 1; got {probs}")
+    ci_probs = sorted(ci_probs, reverse=True)
+    if not ci_probs or not all(0 < prob < 1 for prob in ci_probs):
+        raise ValueError(f"ci_probs must hold probabilities between 0 and 1; got {ci_probs}")
     groups = {"typical": fitted}
     of_class = any(name.startswith(_OF_CLASS) for name in names)
     if specimen is None and not of_class:
         new = {name: _with_new_specimens(tree) for name, tree in results.items()}
         if all(tree is not None for tree in new.values()):
             groups["new"] = {name: with_parameters(tree, None) for name, tree in new.items()}
-    regions, by_log = _regions(groups, names, probs)
+    regions, by_log = _regions(groups, names, ci_probs)
     rows, columns = regions.sizes["y_part"], regions.sizes["x_part"]
     canvas = Canvas(
         "grid",
@@ -160,12 +160,12 @@ def plot_parameter_density(
     entries = canvas.entries("class_label", "class ", "color", linewidth=5, alpha=0.7)
     if "new" in groups:
         entries["typical specimen"] = {"color": "0.5", "linewidth": 5, "alpha": 0.7}
-        entries[f"new specimen, {100 * probs[0]:.3g} %"] = {"color": "0.5", "linestyle": "--"}
+        entries[f"new specimen, {100 * ci_probs[0]:.3g} %"] = {"color": "0.5", "linestyle": "--"}
     canvas.legend(entries)
     owner = None if specimen is None else f"specimen {specimen}"
     if specimen is None and not of_class and any(map(specimens_differ, fitted.values())):
         owner = "typical specimen"
-    held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(probs))
+    held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(ci_probs))
     canvas.title(training_attrs(fitted), law_of(tree), owner, f"{held} of the posterior")
     return canvas.collection
 
@@ -260,7 +260,9 @@ def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
 
 
 def _regions(
-    groups: Mapping[str, Mapping[str, xr.DataTree]], names: tuple[str, str], probs: Sequence[float]
+    groups: Mapping[str, Mapping[str, xr.DataTree]],
+    names: tuple[str, str],
+    ci_probs: Sequence[float],
 ) -> tuple[xr.Dataset, NDArray[np.bool_]]:
     """Regions of typical and new specimens of each class, and which axes are of logarithms.
 
@@ -271,7 +273,7 @@ def _regions(
     by_log = np.array([_is_log(first, name) for name in names])
     trees = [tree for of_group in groups.values() for tree in of_group.values()]
     draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
-    of_trees = [_region(_log(points, by_log), probs) for points in draws]
+    of_trees = [_region(_log(points, by_log), ci_probs) for points in draws]
     mixtures, levels, inside = zip(*of_trees, strict=True)
     breaks = [_breaks([points[:, axis] for points in inside]) for axis in (0, 1)]
     ends = [
@@ -291,11 +293,11 @@ def _regions(
 
 def _draw_regions(canvas: Canvas, regions: xr.Dataset, by_log: NDArray[np.bool_]) -> None:
     """Draw areas and lines around typical specimens, and a line around new ones."""
-    probs = regions.sizes["prob"]
+    shown = regions.sizes["prob"]
     line = {"kind": "contour", "linewidths": 1.2}
     for name, whose, levels, settings in (
-        ("area", "typical", probs, {"kind": "contourf", "alpha": 0.4}),
-        ("line", "typical", probs, line | {"linestyles": "solid"}),
+        ("area", "typical", shown, {"kind": "contourf", "alpha": 0.4}),
+        ("line", "typical", shown, line | {"linestyles": "solid"}),
         ("new", "new", 1, line | {"linestyles": "dashed"}),
     ):
         if whose in regions["whose"]:
@@ -316,7 +318,7 @@ def _log(points: Array, by_log: NDArray[np.bool_]) -> Array:
     return np.where(by_log, np.log(np.maximum(points, np.finfo(float).tiny)), points)
 
 
-def _region(points: Array, probs: Sequence[float]) -> tuple[GaussianMixture, Array, Array]:
+def _region(points: Array, ci_probs: Sequence[float]) -> tuple[GaussianMixture, Array, Array]:
     """The mixture that stands for some draws, its levels, and the draws in the widest region."""
     low, high = np.quantile(points, _EXTREMES, axis=0)
     typical = points[((points >= low) & (points <= high)).all(axis=1)]
@@ -325,9 +327,9 @@ def _region(points: Array, probs: Sequence[float]) -> tuple[GaussianMixture, Arr
     mixture = GaussianMixture.fit(typical, components, rng, iterations=50).widened(_WIDENED)
     # A region with a probability of 95 % ends at the density that 5 % of the draws are below.
     density = mixture.log_density(points)
-    widest = np.quantile(density, 1 - max(*probs, _LEAST_SHOWN))
+    widest = np.quantile(density, 1 - max(*ci_probs, _LEAST_SHOWN))
     inside = typical[mixture.log_density(typical) >= widest]
-    return mixture, np.quantile(density, 1 - np.array(probs)), inside
+    return mixture, np.quantile(density, 1 - np.array(ci_probs)), inside
 
 
 def _breaks(values: Sequence[Array]) -> list[float]:

@@ -35,7 +35,6 @@ from pymc_hyperelastic.plots.style import (
     training_attrs,
 )
 from pymc_hyperelastic.predictions.curves import pressure_curve
-from pymc_hyperelastic.predictions.draws import GivenTube
 from pymc_hyperelastic.predictions.members import specimens_differ
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def plot_pressure_fit(
     classes: xr.DataTree,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
-    prob: float = 0.95,
+    ci_prob: float = 0.95,
     energy: StrainEnergy | Sequence[Layer] | None = None,
     specimen: str | None = None,
     pressure_unit: str = "kPa",
@@ -88,7 +87,7 @@ def plot_pressure_fit(
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
         Inflation data to show with the posterior, or those for each class; by default the training
         data. Each tube has a band of its own.
-    prob : float
+    ci_prob : float
         Probability that the band holds at each radius, with equal tails.
     energy : StrainEnergy or list of Layer, optional
         The material, or the layers; needed where the result does not name it.
@@ -114,7 +113,8 @@ def plot_pressure_fit(
     ------
     TypeError, ValueError
         If `classes` is no DataTree with a posterior, there are no data or no strain energy, the
-        data are unsound or lack a class, or `prob`, the unit, the backend or a visual is unknown.
+        data are unsound or lack a class, or `ci_prob`, the unit, the backend or a visual is
+        unknown.
 
     See Also
     --------
@@ -130,14 +130,14 @@ def plot_pressure_fit(
     ['pressure', 'stiffness']
     """
     fitted, factor = fitted_classes(classes), per_kilopascal(pressure_unit)
-    material: GivenTube = {"energy": energy, "specimen": specimen}
+    material: dict[str, Any] = {"energy": energy, "specimen": specimen}
     drawn = Drawn(
         lambda draws, radius: pressure_curve(draws, radius) * factor,
         lambda _, radius: {"extension_radius": radius},
         lambda tests: _measured_pressures(tests, factor),
     )
     shown = data_beside(fitted, data, specimen)
-    fits = fits_of(fitted, shown, prob, material, drawn, pressure_unit)
+    fits = fits_of(fitted, shown, ci_prob, material, drawn, pressure_unit)
     return draw_fits(fits, material, pressure_unit, (backend, visuals, pc_kwargs))
 
 
@@ -155,7 +155,7 @@ def _measured_pressures(data: xr.Dataset, factor: float) -> dict[str, Array]:
 
 
 def draw_fits(
-    fits: Fits, material: GivenTube, pressure_unit: str, wishes: Wishes, note: str = ""
+    fits: Fits, material: Mapping[str, Any], pressure_unit: str, wishes: Wishes, note: str = ""
 ) -> PlotCollection:
     """Draw bands, medians and data; the `note` is what the legend says of the data besides."""
     quantities = list(map(str, fits.curves.data_vars))
@@ -174,7 +174,7 @@ def draw_fits(
         marker = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
         entries[data + note] = marker
         _draw_points(canvas, fits.points, "points", fits.by)
-    entries |= draw_bands(canvas, fits.curves, fits.prob)
+    entries |= draw_bands(canvas, fits.curves, fits.ci_prob)
     for quantity in quantities:
         if quantity in fits.points and not is_over_stretch(quantity):
             fence = _FENCE if quantity == "stiffness" else np.inf

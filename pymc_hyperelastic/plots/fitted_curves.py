@@ -19,11 +19,12 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.evidence.results import thinned_draws
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.curves import BAND, POINTS, Array, Curve, band_rows, gathered
 from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal
-from pymc_hyperelastic.predictions.draws import Draws, GivenTube, draws_of
+from pymc_hyperelastic.predictions.draws import Draws, draws_of
 from pymc_hyperelastic.predictions.measured import typical_tests
 from pymc_hyperelastic.predictions.members import tests_of
 
@@ -57,14 +58,14 @@ class Fits(NamedTuple):
     """The dimension of curves that have colours of their own: specimens or axial stretches."""
     curves: xr.Dataset
     points: xr.Dataset
-    prob: float
+    ci_prob: float
 
 
 def fits_of(
     classes: dict[str, xr.DataTree],
     data: dict[str, xr.Dataset],
-    prob: float,
-    material: GivenTube,
+    ci_prob: float,
+    material: Mapping[str, Any],
     drawn: Drawn,
     pressure_unit: str,
 ) -> Fits:
@@ -76,7 +77,7 @@ def fits_of(
         of_test = [(name, label) if by else (name,) for label in labels[name]]
         inferred: dict[str, float] = {}
         for curves_of in (_over_radii, _over_stretches):
-            for test, inferred, rows in curves_of(thinned, tests, prob, material, drawn):
+            for test, inferred, rows in curves_of(thinned, tests, ci_prob, material, drawn):
                 curves += [Curve(quantity, of_test[test], row) for quantity, row in rows.items()]
         typical = typical_tests(tests, inferred)
         place = typical["test"].values
@@ -89,7 +90,7 @@ def fits_of(
     coords = {"class_label": list(classes)} | ({by: order} if by else {})
     curves.sort(key=lambda curve: is_over_stretch(curve.variable))
     gathered_points = gathered(points, coords, POINTS)
-    return Fits(classes, data, by, gathered(curves, coords, BAND), gathered_points, prob)
+    return Fits(classes, data, by, gathered(curves, coords, BAND), gathered_points, ci_prob)
 
 
 def data_beside(
@@ -194,7 +195,7 @@ _CurvesOfTest = Iterator[tuple[int, dict[str, float], dict[str, Array]]]
 
 
 def _over_radii(
-    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, drawn: Drawn
+    tree: xr.DataTree, data: xr.Dataset, ci_prob: float, material: Mapping[str, Any], drawn: Drawn
 ) -> _CurvesOfTest:
     """The first inflation test on each tube, medians of inferred geometry, and its curves."""
     held, tubes, stretches = ~extension_tests(data), tubes_of(data), held_stretches(data)
@@ -203,21 +204,21 @@ def _over_radii(
         known = _known_tube(data, int(tests[0]))
         if np.isfinite(stretch := stretches[tests[0]]):
             known["axial_stretch"] = float(stretch)
-        draws = draws_of(tree, **material, **known)
+        draws = draws_of(tree, Tube(**known), **material)
         typical = typical_tests(data, draws.inferred)
         radius = typical["radius"].values[np.isin(typical["test"].values, tests)]
         grid = np.linspace(radius.min(), radius.max(), _RADII)
         curves = drawn.over_radius(draws, grid)
         beyond = curves.coords.get("extrapolated", xr.zeros_like(curves["radius"])).values
         rows = {
-            str(name): band_rows(grid, curve.values, prob, beyond)
+            str(name): band_rows(grid, curve.values, ci_prob, beyond)
             for name, curve in curves.data_vars.items()
         }
         yield int(tests[0]), draws.inferred, rows
 
 
 def _over_stretches(
-    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, drawn: Drawn
+    tree: xr.DataTree, data: xr.Dataset, ci_prob: float, material: Mapping[str, Any], drawn: Drawn
 ) -> _CurvesOfTest:
     """Each extension test, medians of inferred geometry, and its curves.
 
@@ -228,12 +229,12 @@ def _over_stretches(
         measured = at_points(data, "axial_stretch")[points], data["pressure"].values[points]
         stretch, pressure = (evenly_along(measured[0], each, _STRETCHES) for each in measured)
         known = _known_tube(data, test) | {"axial_stretch": stretch}
-        draws = draws_of(tree, **material, **known)
+        draws = draws_of(tree, Tube(**known), **material)
         radius = draws.radius_at(pressure)
         beyond = draws.extrapolated_pressures(pressure, radius, "kPa")
         extrapolated = 0.0 if beyond is None else beyond.points
         rows = {
-            name: band_rows(stretch, curve, prob, extrapolated)
+            name: band_rows(stretch, curve, ci_prob, extrapolated)
             for name, curve in drawn.over_stretch(draws, radius).items()
         }
         yield test, draws.inferred, rows

@@ -15,7 +15,6 @@ from pymc_hyperelastic.plots.fit import draw_fits
 from pymc_hyperelastic.plots.fitted_curves import Drawn, coordinates, data_beside, fits_of
 from pymc_hyperelastic.plots.style import Backend, Visuals, fitted_classes
 from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
-from pymc_hyperelastic.predictions.draws import GivenTube
 from pymc_hyperelastic.predictions.offsets import less_offsets
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ def plot_axial_force(
     classes: xr.DataTree,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
-    prob: float = 0.95,
+    ci_prob: float = 0.95,
     energy: StrainEnergy | Sequence[Layer] | None = None,
     specimen: str | None = None,
     pressure_unit: str = "kPa",
@@ -49,7 +48,7 @@ def plot_axial_force(
 
     Parameters
     ----------
-    classes, data, prob, energy, specimen, backend, visuals, **pc_kwargs
+    classes, data, ci_prob, energy, specimen, backend, visuals, **pc_kwargs
         Those of :func:`~pymc_hyperelastic.plot_pressure_fit`, as are colours and bands.
     pressure_unit : str, default "kPa"
         Unit of the pressures by which the legend names extension tests.
@@ -88,13 +87,13 @@ def plot_axial_force(
     fitted = fitted_classes(classes)
     shown = data_beside(fitted, data, specimen)
     corrected = {name: less_offsets(shown[name], tree) for name, tree in fitted.items()}
-    material: GivenTube = {"energy": energy, "specimen": specimen}
+    material: dict[str, Any] = {"energy": energy, "specimen": specimen}
     drawn = Drawn(
         force_curve,
         lambda draws, radius: {"extension_force": draws.tube.axial_force(radius)},
         _measured_forces,
     )
-    fits = fits_of(fitted, corrected, prob, material, drawn, pressure_unit)
+    fits = fits_of(fitted, corrected, ci_prob, material, drawn, pressure_unit)
     if "axial_force" in fits.curves:
         warn_of_no_force(fits.curves["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
     less = any(corrected[name] is not shown[name] for name in shown)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.reference_tube import Tube
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import (
     BAND,
@@ -26,10 +30,9 @@ from pymc_hyperelastic.plots.style import (
     Wishes,
     fitted_classes,
     law_of,
-    per_kilopascal,
     training_attrs,
 )
-from pymc_hyperelastic.predictions.draws import GivenTube
+from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
@@ -62,12 +65,12 @@ _STRESSES = ("sigma_rr", "sigma_tt", "sigma_zz")
 @one_thread
 def plot_elastic_properties(
     classes: xr.DataTree,
-    pressure: Any,
+    at: Conditions | Any,
     *,
     var_names: Sequence[str] = _OF_THE_CURVE,
-    prob: float = 0.95,
-    pressure_unit: str = "kPa",
-    tube: Mapping[str, Any] | None = None,
+    ci_prob: float = 0.95,
+    specimen: str | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -81,19 +84,17 @@ def plot_elastic_properties(
     ----------
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
-    pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`.
+    at : Conditions, or array_like of pressures in kPa, shape (pressure,)
+        The pressures, whose unit is that of the pressure axis, the tube and the density of the
+        fluid. Moduli are in kPa.
     var_names : sequence of str
         Quantities that have a panel: those of :func:`~pymc_hyperelastic.tube_properties` at each
         pressure, from ``compliance`` to ``stored_energy``; by default those up to
         ``pulse_wave_velocity``, which follow from the curve of pressure alone.
-    prob : float
+    ci_prob : float
         Probability that the bands hold at each pressure, with equal tails.
-    pressure_unit : str, default "kPa"
-        Unit of `pressure` and of the pressure axis, as pint knows it. Moduli are in kPa.
-    tube : dict of str to object, optional
-        Other arguments of :func:`~pymc_hyperelastic.tube_properties`: the material, the
-        ``specimen``, the tube, the ``density`` of the fluid, such as ``{"axial_stretch": 1.2}``.
+    specimen, energy
+        See :func:`~pymc_hyperelastic.predict_pressure`.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
         ``extrapolated`` (the dashed part of the median), ``xlabel``, ``ylabel`` and ``legend``.
@@ -106,7 +107,7 @@ def plot_elastic_properties(
     Raises
     ------
     TypeError, ValueError
-        If `classes` is no DataTree with a posterior, a name, `prob`, the backend or a visual is
+        If `classes` is no DataTree with a posterior, a name, `ci_prob`, the backend or a visual is
         unknown, or :func:`~pymc_hyperelastic.tube_properties` raises it.
 
     See Also
@@ -118,8 +119,8 @@ def plot_elastic_properties(
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_elastic_properties(tree, [1.0, 2.0], tube=tube, backend="none")
+    >>> at = ph.Conditions([1.0, 2.0], tube=ph.Tube(7.0, 9.0))
+    >>> figure = ph.plot_elastic_properties(tree, at, energy=ph.NeoHookean(), backend="none")
     >>> list(figure.viz["plot"].data_vars)[:2]
     ['compliance', 'distensibility']
     """
@@ -128,22 +129,24 @@ def plot_elastic_properties(
     if unknown or not names or isinstance(var_names, str):
         raise ValueError(f"var_names must be a list of {list(PROPERTY_LABELS)}; got {var_names!r}")
     fitted = fitted_classes(classes)
-    arguments = _arguments(tube, pressure_unit, pc_kwargs)
-    tables = {name: tube_properties(tree, pressure, **arguments) for name, tree in fitted.items()}
+    at = _conditions(at, pc_kwargs)
+    tables = {
+        name: tube_properties(tree, at, specimen=specimen, energy=energy)
+        for name, tree in fitted.items()
+    }
     curves = []
     for of_class, table in tables.items():
-        x = table["pressure"].values * per_kilopascal(pressure_unit)
-        curves += _bands(table, names, (of_class,), x, prob)
+        curves += _bands(table, names, (of_class,), table["pressure"].values, ci_prob)
     wishes = backend, visuals, pc_kwargs
-    canvas = draw_over_pressure(curves, list(fitted), prob, pressure_unit, wishes)
-    _title(canvas, fitted, tables, (tube or {}).get("energy"))
+    canvas = draw_over_pressure(curves, list(fitted), ci_prob, at.pressure_unit, wishes)
+    _title(canvas, fitted, tables, energy)
     return canvas.collection
 
 
 def draw_over_pressure(
     curves: list[Curve],
     classes: list[str],
-    prob: float,
+    ci_prob: float,
     pressure_unit: str,
     wishes: Wishes,
     prefix: str = "",
@@ -156,7 +159,7 @@ def draw_over_pressure(
     looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
     canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
     entries = canvas.entries("class_label", "class ", "color", "linestyle")
-    canvas.legend(entries | draw_bands(canvas, bands, prob))
+    canvas.legend(entries | draw_bands(canvas, bands, ci_prob))
     for name in names:
         canvas.label("xlabel", axis_label("pressure", pressure_unit), data=bands[[name]])
         canvas.label("ylabel", prefix + axis_label(name), data=bands[[name]])
@@ -166,11 +169,12 @@ def draw_over_pressure(
 @one_thread
 def plot_wall_stress(
     classes: xr.DataTree,
-    pressure: Any,
+    at: Conditions | Any,
     *,
-    prob: float = 0.95,
-    pressure_unit: str = "kPa",
-    tube: Mapping[str, Any] | None = None,
+    points: Any = 21,
+    ci_prob: float = 0.95,
+    specimen: str | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -182,12 +186,11 @@ def plot_wall_stress(
 
     Parameters
     ----------
-    classes, pressure, prob, pressure_unit
+    classes, at, ci_prob, specimen, energy
         Those of :func:`~pymc_hyperelastic.plot_elastic_properties`. Each pressure has a colour.
         Stresses are in kPa.
-    tube : dict of str to object, optional
-        Other arguments of :func:`~pymc_hyperelastic.wall_stress`: the material, the ``specimen``,
-        the tube, the ``points`` in the wall.
+    points : int or array_like, default 21
+        Circles in the wall, see :func:`~pymc_hyperelastic.wall_stress`.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
         ``extrapolated``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``.
@@ -200,8 +203,8 @@ def plot_wall_stress(
     Raises
     ------
     TypeError, ValueError
-        If `classes` is no DataTree with a posterior, `prob`, the backend or a visual is unknown, or
-        :func:`~pymc_hyperelastic.wall_stress` raises it.
+        If `classes` is no DataTree with a posterior, `ci_prob`, the backend or a visual is
+        unknown, or :func:`~pymc_hyperelastic.wall_stress` raises it.
 
     See Also
     --------
@@ -212,23 +215,24 @@ def plot_wall_stress(
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_wall_stress(tree, [1.0, 2.0], tube=tube, backend="none")
+    >>> at = ph.Conditions([1.0, 2.0], tube=ph.Tube(7.0, 9.0))
+    >>> figure = ph.plot_wall_stress(tree, at, energy=ph.NeoHookean(), backend="none")
     >>> figure.viz["median"]["sigma_tt"].sizes["pressure"]
     2
     """
     fitted = fitted_classes(classes)
-    arguments = _arguments(tube, pressure_unit, pc_kwargs)
-    tables = {name: wall_stress(tree, pressure, **arguments) for name, tree in fitted.items()}
+    at = _conditions(at, pc_kwargs)
+    tables = {
+        name: wall_stress(tree, at, points, specimen=specimen, energy=energy)
+        for name, tree in fitted.items()
+    }
     table = next(iter(tables.values()))
-    levels = [
-        f"{p * per_kilopascal(pressure_unit):.4g} {pressure_unit}" for p in table["pressure"].values
-    ]
+    levels = [f"{p:.4g} {at.pressure_unit}" for p in table["pressure"].values]
     curves = []
     for of_class, table in tables.items():
         for i, level in enumerate(levels):
             labels, x = (of_class, level), table["position"].values
-            curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, prob)
+            curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, ci_prob)
     bands = gathered(
         curves, {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}, BAND
     )
@@ -237,7 +241,7 @@ def plot_wall_stress(
     wishes = backend, visuals, pc_kwargs
     canvas = Canvas("grid", bands, BAND_VISUALS, wishes, size, share, **layout)
     entries = canvas.entries("pressure", "", "color", "linestyle")
-    canvas.legend(entries | draw_bands(canvas, bands, prob))
+    canvas.legend(entries | draw_bands(canvas, bands, ci_prob))
     top, bottom = ({"class_label": name} for name in (next(iter(fitted)), list(fitted)[-1]))
     for name in _STRESSES:
         panels = {"data": bands[[name]]}
@@ -248,25 +252,31 @@ def plot_wall_stress(
         panel = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
         canvas.label("ylabel", text, **panel)
     single = levels[0] if len(levels) == 1 else None
-    _title(canvas, fitted, tables, (tube or {}).get("energy"), single)
+    _title(canvas, fitted, tables, energy, single)
     return canvas.collection
 
 
-def _arguments(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, Any]) -> dict:
-    """Arguments of a prediction; TypeError if some of them were not given in `tube`."""
-    strays = [name for name in given if name in (*GivenTube.__annotations__, "density", "points")]
-    if strays:
-        said = ", ".join(f"{name!r}: {given[name]!r}" for name in strays)
-        raise TypeError(f"give what the figure needs of the tube as tube={{{said}}}")
-    return {"pressure_unit": unit, **(tube or {})}
+def _conditions(at: Any, settings: Mapping[str, Any]) -> Conditions:
+    """Conditions of a figure; TypeError if some of them stand among the settings of its canvas."""
+    of_tube, of_conditions = ({field.name for field in fields(c)} for c in (Tube, Conditions))
+    for name, value in settings.items():
+        said = f"{name}={value!r}"
+        if name in of_tube:
+            said = f"tube=ph.Tube({said})"
+        if name in of_tube | of_conditions:
+            raise TypeError(f"state {name} as at=ph.Conditions(..., {said})")
+    # No figure shows properties that depend on two pressures.
+    return replace(as_conditions(at), pressure_range=None)
 
 
 def _bands(
-    table: xr.Dataset, names: Sequence[str], labels: tuple[str, ...], x: Array, prob: float
+    table: xr.Dataset, names: Sequence[str], labels: tuple[str, ...], x: Array, ci_prob: float
 ) -> list[Curve]:
     """Bands of quantities of a table; without data, no pressure is marked as extrapolated."""
     beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
-    return [Curve(name, labels, band_rows(x, table[name].values, prob, beyond)) for name in names]
+    return [
+        Curve(name, labels, band_rows(x, table[name].values, ci_prob, beyond)) for name in names
+    ]
 
 
 def _title(

@@ -1,20 +1,18 @@
 """Check whether the draws of a posterior are physically admissible materials."""
 
-from typing import Any, Unpack
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.reference_tube import Tube
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.predictions.draws import (
-    Array,
-    GivenTube,
-    checked_radii,
-    draws_of,
-    radii_of_data,
-)
+from pymc_hyperelastic.predictions.draws import Array, checked_radii, draws_of, radii_of_data
 from pymc_hyperelastic.predictions.measured import warned
 
 # Number of equidistant circles of each layer at which the Baker-Ericksen inequalities are checked.
@@ -25,8 +23,13 @@ _SAME_STRETCH = 1e-6
 
 
 @one_thread
-def admissible(
-    tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
+def is_admissible(
+    result: xr.DataTree,
+    internal_radius: Any = None,
+    *,
+    tube: Tube | None = None,
+    specimen: str | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
 ) -> xr.Dataset:
     r"""Check whether the draws of a posterior are admissible materials over a range of radii.
 
@@ -45,13 +48,13 @@ def admissible(
 
     Parameters
     ----------
-    tree : xarray.DataTree
+    result : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
-        Current internal radii, in ``radius_unit``; by default 40 equidistant radii over the range
-        of the result's data.
-    **tube
-        The material and the tube, see :func:`predict_pressure`.
+        Current internal radii, mm; by default 40 equidistant radii over the range of the
+        result's data.
+    tube, specimen, energy
+        See :func:`predict_pressure`.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def admissible(
     Raises
     ------
     TypeError
-        If `tree` is no DataTree or `energy` no strain energy.
+        If `result` is no DataTree, `tube` no Tube or `energy` no strain energy.
     ValueError
         If a measure of the tube is unknown, a radius is not positive, or neither radii nor data are
         given.
@@ -89,36 +92,36 @@ def admissible(
     --------
     >>> import numpy as np, xarray as xr, pymc_hyperelastic as ph
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, -1.0]])})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    >>> passed = ph.admissible(tree, np.linspace(7, 10, 20), energy=ph.NeoHookean(), **tube)
+    >>> result = xr.DataTree.from_dict({"posterior": posterior})
+    >>> settings = {"tube": ph.Tube(7.0, 9.0), "energy": ph.NeoHookean()}
+    >>> passed = ph.is_admissible(result, np.linspace(7, 10, 20), **settings)
     >>> passed["baker_ericksen"].values
     array([[ True, False]])
     >>> print(passed.attrs["summary"])
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
-    draws = draws_of(tree, **tube)
+    draws = draws_of(result, tube, specimen, energy)
     radius = (
         radii_of_data(draws.member.data)
         if internal_radius is None
-        else checked_radii(internal_radius, **tube)
+        else checked_radii(internal_radius)
     )
     extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
     if all(isinstance(layer.energy, IsotropicStrainEnergy) for layer in draws.tube.layers):
         passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
-    result = draws.dataset({}, **passed)
+    found = draws.dataset({}, **passed)
     words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}
     for name, values in passed.items():
-        result[name].attrs = {"long_name": words[name], "fraction": float(values.mean())}
+        found[name].attrs = {"long_name": words[name], "fraction": float(values.mean())}
     shares = [f"{words[name]} in {100 * v.mean():.1f} %" for name, v in passed.items()]
     ends, count = f"{radius.min():g} to {radius.max():g} mm", slope[..., 0].size
-    result.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
+    found.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
     if extrapolated is not None:
         at = draws.dataset({"radius": radius}, extrapolated)
-        result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
-    return result
+        found = found.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
+    return found
 
 
 def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:

@@ -5,16 +5,15 @@ All functions of this folder that predict curves, stresses or properties call :f
 
 from collections.abc import Sequence
 from numbers import Real
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.plausible import check_plausible_pressures
-from pymc_hyperelastic.data.units import mmHg, to_internal
-from pymc_hyperelastic.data.validation import Check, check_known
+from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.mechanics.layers import Layer, ReferenceLayer, check_geometry
+from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import TubeNumbers
@@ -162,34 +161,20 @@ class Draws(NamedTuple):
         return result
 
 
-class GivenTube(TypedDict, total=False):
-    """Keyword arguments by which a caller overrides the material or the tube of the result."""
-
-    energy: StrainEnergy | Sequence[Layer] | None
-    specimen: str | None
-    inner_radius: float | None
-    outer_radius: float | None
-    axial_stretch: float | Sequence[float] | NDArray[np.float64] | None
-    """One value for all points, or one for each point."""
-    opening_angle: float | None
-    radius_unit: str
-    """Unit of all radii that the caller gives."""
-
-
-def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
+def draws_of(
+    result: xr.DataTree,
+    tube: Tube | None = None,
+    specimen: str | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
+) -> Draws:
     """Return material and tube of each draw.
 
-    Each measure of the tube is the argument, else the inferred value, else the value of the data.
+    Each measure of the tube is the stated one, else the inferred value, else the value of the data.
     """
-    unknown = [name for name in tube if name not in GivenTube.__annotations__]
-    if unknown:
-        raise TypeError(
-            f"{unknown[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
-        )
-    wall, member, values = wall_draws_of(tree, tube.get("energy"), tube.get("specimen"))
+    wall, member, values = wall_draws_of(result, energy, specimen)
     posterior = member.posterior
     layered = "thickness" in wall[0].values
-    given = _given_geometry(**tube)
+    given = {} if tube is None else stated_geometry(tube)
     if layered and "outer_radius" in given:
         raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
     names = _inferred_measures(posterior, layered)
@@ -206,7 +191,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         {name: v.item() if v.size == 1 else v.ravel() for name, v in typical.items()},
         medians,
         member,
-        tree.name,
+        result.name,
     )
 
 
@@ -227,22 +212,36 @@ def _layers(
     return layers
 
 
-def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, Any]:
-    """Return the geometry that the caller gave, in mm and rad."""
-    given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
-    for name, value in given.items():
-        if name == "axial_stretch" and not isinstance(value, Real):
-            given[name] = checked_numbers(name, value, "axial stretches, one for each point")
-        elif not isinstance(value, Real):
+def stated_geometry(tube: Tube) -> dict[str, Any]:
+    """Return the stated radii (mm), axial stretch and opening angle (rad) of a tube.
+
+    The axial stretch may be an array, with one value for each point of a prediction.
+
+    Raises
+    ------
+    TypeError
+        If `tube` is no Tube, or a measure no number.
+    ValueError
+        If the tube states standard deviations, a measure of the wall without a radius, or radii
+        that depend on an opening angle without this angle.
+    """
+    if not isinstance(tube, Tube):
+        raise TypeError(f"tube is {tube!r}; expected ph.Tube(...), such as ph.Tube(7.0, 9.0)")
+    if tube.sd is not None:
+        raise ValueError(f"{tube}: standard deviations belong to ph.inflation_data; leave sd out")
+    for name in (*GEOMETRY, *WALL):
+        value = getattr(tube, name)
+        if not (value is None or isinstance(value, Real) or name == "axial_stretch"):
             raise TypeError(f"{name} is {value!r}; expected a number")
-        if name in ("inner_radius", "outer_radius"):
-            given[name] = float(_millimetres(value, **tube))
-    return given
-
-
-def _millimetres(radius: Any, **tube: Unpack[GivenTube]) -> Array:
-    unit = tube.get("radius_unit", "mm")
-    return to_internal(radius, unit, "length", keyword="radius_unit")
+    by_area = tube.wall_area is not None or tube.wall_volume is not None
+    if tube.opening_angle is None and (by_area or tube.radii_of == "ring"):
+        # The angle of the specimen may be another one than 0, which Tube.geometry would assume.
+        raise ValueError(f"{tube}: radii depend on the opening angle; state opening_angle, or 0.0")
+    stated = tube.geometry()
+    if not isinstance(stated.get("axial_stretch", 1.0), Real):
+        expected = "axial stretches, one for each point"
+        stated["axial_stretch"] = checked_numbers("axial_stretch", tube.axial_stretch, expected)
+    return stated
 
 
 def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
@@ -292,13 +291,14 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
     ]
     example = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
     message = (
-        f"the result's data do not have one {', one '.join(found)}: give it, such as {example}"
+        f"the result's data do not have one {', one '.join(found)}: state the tube, such as "
+        f"ph.Tube({example})"
     )
     # Tests of one specimen may differ in axial stretch, so that its name would not help.
     names = [] if data is None else list(dict.fromkeys(data["specimen"].values.tolist()))
     if len(names) > 1:
-        message += f", or the specimen whose tube is meant, such as specimen={names[0]!r}"
-    return f"{message}; in a figure tube={{{unknown[0]!r}: ...}}"
+        message += f", or give the specimen whose tube is meant, such as specimen={names[0]!r}"
+    return message
 
 
 def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
@@ -330,23 +330,13 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     return numbers
 
 
-def checked_pressures(pressure: Any, unit: str, check: Check) -> Array:
-    """Convert pressures to an array in kPa; `check` decides about implausibly large ones."""
-    pressures = to_internal(
-        checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
-    )
-    check_known(check)
-    check_plausible_pressures(pressures, check)
-    return pressures
-
-
-def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
-    """Convert radii, given in the ``radius_unit`` of the tube, to an array in mm."""
-    expected = f"positive radii in {tube.get('radius_unit', 'mm')}"
+def checked_radii(internal_radius: Any) -> Array:
+    """Return radii, mm, as an array; raise unless they are positive."""
+    expected = "positive radii in mm"
     radii = checked_numbers("internal_radius", internal_radius, expected)
     if not np.all(radii > 0):
         raise ValueError(f"internal_radius must be a list of {expected}; got {internal_radius!r}")
-    return _millimetres(radii, **tube)
+    return radii
 
 
 def radii_of_data(data: xr.Dataset | None) -> Array:

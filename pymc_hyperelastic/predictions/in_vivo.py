@@ -9,7 +9,9 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from pymc_hyperelastic.data.validation import Check
 from pymc_hyperelastic.models.forward import TubeNumbers
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.draws import Array, Draws
 from pymc_hyperelastic.predictions.measured import Extrapolated, warn_user, warned
 
@@ -32,14 +34,14 @@ _LARGEST_STEP = 0.1
 _LAST_STEP = 1e-6
 
 
-def between_pressures(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
-    """Return in vivo stretch and change of stored energy (kPa) between two pressures (kPa).
+def between_pressures(draws: Draws, at: Conditions, check: Check) -> xr.Dataset:
+    """Return in vivo stretch and change of stored energy (kPa) between two pressures.
 
     If the result has data, the scalar coordinates ``range_extrapolated`` and
     ``in_vivo_extrapolated`` flag extrapolation, with a warning. Draws without an in vivo stretch,
-    and data without an axial force, also cause warnings. `unit` is that in which the user gave the
-    pressures.
+    and data without an axial force, also cause warnings.
     """
+    pressure, unit = at.range_in_kilopascal(check), at.pressure_unit
     radius = draws.radius_at(pressure)
     stored = draws.tube.wall_means(radius).energy
     stretch = in_vivo_stretch(draws.tube, pressure)
@@ -50,9 +52,9 @@ def between_pressures(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
     )
     undefined = np.isnan(stretch)
     result["in_vivo_axial_stretch"].attrs["draws_without"] = int(undefined.sum())
-    ends = dict(zip(("diastolic_pressure", "systolic_pressure"), pressure.tolist(), strict=True))
+    ends = dict(zip(("diastolic_pressure", "systolic_pressure"), at.pressure_range, strict=True))
     for name in result:
-        result[name].attrs |= ends
+        result[name].attrs |= ends | {"pressure_unit": unit}
     _report(undefined, pressure, draws.without_force)
     flags = {"range_extrapolated": warned(draws.extrapolated_pressures(pressure, radius, unit))}
     if not undefined.all():

@@ -104,7 +104,7 @@ class Measured(NamedTuple):
             words += f", measured {_in_both_units(self.pressure)}"
             as_mmhg = _between(pressure * mmHg, self.pressure.min(), self.pressure.max())
             if unit == "kPa" and as_mmhg.all():
-                words += " (if mmHg were meant: pressure_unit='mmHg')"
+                words += " (if mmHg were meant: ph.Conditions(..., pressure_unit='mmHg'))"
             return Extrapolated(beyond, words)
         stretched = self._beyond_stretches(radius, tube)
         beyond &= stretched.points

@@ -1,38 +1,33 @@
 """Compute posteriors of the elastic properties that laboratories report, at given pressures."""
 
-from numbers import Real
-from typing import Any, Unpack
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.validation import Check
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.predictions.draws import (
-    Array,
-    Draws,
-    GivenTube,
-    checked_pressures,
-    draws_of,
-)
+from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
+from pymc_hyperelastic.predictions.draws import Array, Draws, draws_of
 from pymc_hyperelastic.predictions.in_vivo import between_pressures
 from pymc_hyperelastic.predictions.measured import warned
 
 # Properties that are marked with a comment if no axial force was measured: pressures alone hardly
 # inform about them.
-_AXIAL = ("axial_stress", "axial_material_stiffness", "in_vivo_axial_stretch")
+_AXIAL = ("axial_force", "axial_stress", "axial_material_stiffness", "in_vivo_axial_stretch")
 
 
 @one_thread
 def tube_properties(
-    tree: xr.DataTree,
-    pressure: Any,
+    result: xr.DataTree,
+    at: Conditions | Any,
     *,
-    pressure_range: Any = None,
-    density: float = 1060.0,
-    pressure_unit: str = "kPa",
+    specimen: str | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
     check: Check = "warn",
-    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Compute the posterior of the elastic properties of a vessel at given pressures.
 
@@ -44,27 +39,22 @@ def tube_properties(
 
     Parameters
     ----------
-    tree : xarray.DataTree
+    result : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
-    pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`.
-    pressure_range : pair of float, optional
-        Diastolic and systolic pressure, in `pressure_unit`. If given, the result also has the in
-        vivo axial stretch, and the change of the stored energy between these pressures.
-    density : float, default 1060
-        Density ``ρ`` of the fluid in the tube, kg/m³; by default the density of blood.
-    pressure_unit : str, default "kPa"
-        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
+    at : Conditions, or array_like of pressures in kPa, shape (pressure,)
+        The pressures, the tube and the density ``ρ`` of the fluid. If a ``pressure_range`` is
+        stated, the result also has the in vivo axial stretch, and the change of the stored energy
+        between the diastolic and the systolic pressure.
+    specimen, energy
+        See :func:`predict_pressure`.
     check : {"warn", "raise", "ignore"}
         Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
-    **tube
-        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
     xarray.Dataset
-        Variables with dimensions (chain, draw, pressure), where ``A = π a²`` is the area of the
-        lumen:
+        Variables with dimensions (chain, draw, pressure), if `at` states pressures, where
+        ``A = π a²`` is the area of the lumen:
 
         ``radius`` : internal radius ``a``, mm.
 
@@ -89,8 +79,10 @@ def tube_properties(
         ``circumferential_stress`` : ``p a/(b − a)``, kPa, by equilibrium the mean of the Cauchy
         stress ``σθθ`` over the thickness of the wall.
 
-        ``axial_stress`` : ``(F + π a² p)/(π (b² − a²))`` with the reduced axial force ``F``, kPa,
-        by equilibrium the mean of ``σzz`` over the area of the wall.
+        ``axial_force`` : reduced axial force ``F``, mN, see :func:`predict_axial_force`.
+
+        ``axial_stress`` : ``(F + π a² p)/(π (b² − a²))``, kPa, by equilibrium the mean of ``σzz``
+        over the area of the wall.
 
         ``circumferential_material_stiffness``, ``axial_material_stiffness`` : ``∂²Ŵ/∂(ln λθ)²``
         and ``∂²Ŵ/∂(ln λz)²``, kPa, linearised about the inflated tube, as means over the area of
@@ -99,7 +91,7 @@ def tube_properties(
         ``stored_energy`` : energy density ``Ŵ`` relative to the stress-free state, as a mean over
         the wall, kPa, equal to kJ/m³ [6]_.
 
-        If `pressure_range` is given, also variables with dimensions (chain, draw):
+        If a ``pressure_range`` is stated, also variables with dimensions (chain, draw):
 
         ``stored_energy_change`` : stored energy at the systolic pressure minus stored energy at the
         diastolic pressure, at the axial stretch of the tube, kPa.
@@ -109,27 +101,26 @@ def tube_properties(
         changes from falling with pressure (in a shorter tube) to rising (in a longer one). NaN for
         draws without such a stretch; the attribute ``draws_without`` is the number of these draws.
 
-        The coordinate ``extrapolated`` (pressure) is described in :func:`radius_at_pressure`. The
-        scalar coordinates ``range_extrapolated`` and ``in_vivo_extrapolated`` are True if the
-        diastolic or the systolic pressure is extrapolated, at the axial stretch of the tube and at
-        the median in vivo stretch.
+        The coordinates ``pressure`` and ``extrapolated`` are described in
+        :func:`radius_at_pressure`. The scalar coordinates ``range_extrapolated`` and
+        ``in_vivo_extrapolated`` are True if the diastolic or the systolic pressure is extrapolated,
+        at the axial stretch of the tube and at the median in vivo stretch.
 
     Warns
     -----
     UserWarning
         If some draws do not reach a pressure, or a pressure is extrapolated. With a
-        `pressure_range`, also if some draws have no in vivo stretch, or if the result's data have
+        ``pressure_range``, also if some draws have no in vivo stretch, or if the result's data have
         no axial force.
 
     Raises
     ------
     ValueError
-        If the density is not positive, `pressure_range` is not a pair of increasing pressures of at
-        least 0, or no draw reaches a pressure.
+        If `at` states no pressure, or no draw reaches a pressure.
 
     See Also
     --------
-    plot_elastic_properties, pulse_wave_velocity
+    plot_elastic_properties, Conditions
 
     Notes
     -----
@@ -180,9 +171,9 @@ def tube_properties(
 
     >>> import xarray as xr, pymc_hyperelastic as ph
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    >>> properties = ph.tube_properties(tree, 0.0, energy=ph.NeoHookean(), **tube)
+    >>> result = xr.DataTree.from_dict({"posterior": posterior})
+    >>> at = ph.Conditions(0.0, tube=ph.Tube(7.0, 9.0))
+    >>> properties = ph.tube_properties(result, at, energy=ph.NeoHookean())
     >>> properties["incremental_modulus"].values.round(6).ravel()
     array([60., 90.])
     >>> properties["pulse_wave_velocity"].values.round(3).ravel()
@@ -194,102 +185,34 @@ def tube_properties(
 
     >>> law = {"c": 20.0, "a1": 0.8, "a2": 0.6, "a4": 0.1}
     >>> posterior = xr.Dataset({n: (("chain", "draw"), [[x]]) for n, x in law.items()})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"energy": ph.FungOrthotropic(), "inner_radius": 0.44, "outer_radius": 0.55}
+    >>> result = xr.DataTree.from_dict({"posterior": posterior})
     >>> in_mmhg = {"pressure_unit": "mmHg", "pressure_range": (80, 120)}
-    >>> properties = ph.tube_properties(tree, 100, **tube, **in_mmhg)
+    >>> at = ph.Conditions(100, tube=ph.Tube(0.44, 0.55), **in_mmhg)
+    >>> properties = ph.tube_properties(result, at, energy=ph.FungOrthotropic())
     >>> round(properties["in_vivo_axial_stretch"].item(), 3)
     1.789
     """
-    _check_density(density)
-    draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check)
-    if pressure_range is not None:
-        pressure_range = _checked_range(pressure_range, pressure_unit, check)
-    a = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
-    properties = _of_the_curve(draws, a, density) | _of_the_wall(draws, a, pressure)
-    result = draws.dataset({"pressure": pressure}, extrapolated, **properties)
-    if pressure_range is not None:
-        between = between_pressures(draws, pressure_range, pressure_unit)
-        result = result.assign(between.data_vars).assign_coords(between.coords)
+    at = as_conditions(at)
+    draws = draws_of(result, at.tube, specimen, energy)
+    found = xr.Dataset()
+    if at.pressure is not None or at.pressure_range is None:
+        pressure = draws.at_each_stretch(at.in_kilopascal(check))
+        a = draws.radius_at(pressure)
+        extrapolated = warned(draws.extrapolated_pressures(pressure, a, at.pressure_unit))
+        properties = _of_the_curve(draws, a, at.density) | _of_the_wall(draws, a, pressure)
+        found = at.label_pressures(
+            draws.dataset({"pressure": pressure}, extrapolated, **properties)
+        )
+    if at.pressure_range is not None:
+        between = between_pressures(draws, at, check)
+        found = found.assign(between.data_vars).assign_coords(between.coords)
+        found.attrs |= between.attrs
     if draws.without_force:
-        for name in set(_AXIAL) & set(result):
-            result[name].attrs["comment"] = (
+        for name in set(_AXIAL) & set(found):
+            found[name].attrs["comment"] = (
                 "no axial force was measured: the value rests on the strain energy and its prior"
             )
-    return result
-
-
-@one_thread
-def pulse_wave_velocity(
-    tree: xr.DataTree,
-    pressure: Any,
-    *,
-    density: float = 1060.0,
-    pressure_unit: str = "kPa",
-    check: Check = "warn",
-    **tube: Unpack[GivenTube],
-) -> xr.Dataset:
-    r"""Compute the posterior of the pulse wave velocity in the tube, at given pressures.
-
-    .. math:: c = \sqrt{\frac{A}{ρ \, dA/dp}} = \sqrt{\frac{a}{2ρ} \frac{dp}{da}}
-
-    It depends on the slope ``dp/da``, and is a reason to include measured slopes in a likelihood.
-    Source: Bramwell and Hill, see :func:`tube_properties`, which returns other properties as well.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`.
-    pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`.
-    density : float, default 1060
-        Density ``ρ`` of the fluid in the tube, kg/m³; by default the density of blood.
-    pressure_unit : str, default "kPa"
-        Unit of the given pressures, as pint names it, such as ``"mmHg"``. The result is in kPa.
-    check : {"warn", "raise", "ignore"}
-        Action if a pressure is above 40 kPa (300 mmHg), which was probably meant in mmHg.
-    **tube
-        The material and the tube, see :func:`predict_pressure`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure), and the coordinate
-        ``extrapolated`` (pressure), see :func:`radius_at_pressure`.
-
-    Warns
-    -----
-    UserWarning
-        If some draws do not reach a pressure, or a pressure is extrapolated.
-
-    Raises
-    ------
-    ValueError
-        If the density is not positive, or no draw reaches a pressure.
-
-    See Also
-    --------
-    tube_properties
-
-    Examples
-    --------
-    >>> import xarray as xr, pymc_hyperelastic as ph
-    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    >>> speed = ph.pulse_wave_velocity(tree, 0.0, energy=ph.NeoHookean(), **tube)
-    >>> speed["pulse_wave_velocity"].values.round(3).ravel()
-    array([2.73 , 3.344])
-    """
-    _check_density(density)
-    draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check)
-    a = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
-    speed = _of_the_curve(draws, a, density)["pulse_wave_velocity"]
-    return draws.dataset({"pressure": pressure}, extrapolated, pulse_wave_velocity=speed)
+    return found
 
 
 def _of_the_curve(draws: Draws, a: Array, density: float) -> dict[str, Array]:
@@ -311,32 +234,16 @@ def _of_the_curve(draws: Draws, a: Array, density: float) -> dict[str, Array]:
 
 
 def _of_the_wall(draws: Draws, a: Array, pressure: Array) -> dict[str, Array]:
-    """Return stresses, material stiffness and stored energy, kPa, as means over the wall."""
+    """Return axial force, mN, and stresses, stiffness and energy, kPa, as means over the wall."""
     tube = draws.tube
     b = tube.current(tube.geometry["outer_radius"], a)
     thickness = tube.wall_area / (np.pi * (a + b))
-    means = tube.wall_means(a)
+    force, means = tube.axial_force(a), tube.wall_means(a)
     return {
         "circumferential_stress": pressure * a / thickness,
-        "axial_stress": (tube.axial_force(a) + np.pi * a**2 * pressure) / tube.wall_area,
+        "axial_force": force,
+        "axial_stress": (force + np.pi * a**2 * pressure) / tube.wall_area,
         "circumferential_material_stiffness": means.hoop_stiffness,
         "axial_material_stiffness": means.axial_stiffness,
         "stored_energy": means.energy,
     }
-
-
-def _check_density(density: float) -> None:
-    """Raise ValueError unless the density is a positive finite number."""
-    if not (isinstance(density, Real) and 0 < density < np.inf):
-        raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
-
-
-def _checked_range(pressure_range: Any, unit: str, check: Check) -> Array:
-    """Return the diastolic and the systolic pressure in kPa; raise unless they increase."""
-    words = f"pressure_range must be a diastolic and a higher systolic pressure in {unit}; got "
-    if np.shape(pressure_range) != (2,):
-        raise ValueError(f"{words}{pressure_range!r}")
-    pressures = checked_pressures(pressure_range, unit, check)
-    if not 0 <= pressures[0] < pressures[1]:
-        raise ValueError(f"{words}{pressure_range!r}")
-    return pressures

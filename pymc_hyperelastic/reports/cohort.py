@@ -68,7 +68,8 @@ def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
             unit = str(intervals.attrs.get("units", ""))
             numbers = [*_quantiles(median), float((high - low).median())]
             rows.append([str(name).replace("_", " "), unit, float(pressure), *numbers])
-    columns = ["property", "unit", "pressure", *_HEADINGS, "median width of the intervals"]
+    pressure = f"pressure ({properties['pressure'].attrs.get('units', 'kPa')})"
+    columns = ["property", "unit", pressure, *_HEADINGS, "median width of the intervals"]
     page.table("Posterior medians of the elastic properties", pd.DataFrame(rows, columns=columns))
 
 

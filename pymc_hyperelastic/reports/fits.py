@@ -153,11 +153,11 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         plot_pressure_fit,
         result,
         note=note,
-        prob=PROB,
-        pressure_unit=page.pressure_unit,
+        ci_prob=PROB,
+        pressure_unit=page.at.pressure_unit,
     )
     if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
-        page.figure("Fit of the axial force", plot_axial_force, result, note=note, prob=PROB)
+        page.figure("Fit of the axial force", plot_axial_force, result, note=note, ci_prob=PROB)
     if differ and all("specimens" in tree.children for tree in classes.values()):
         names = "specimen misfit freedom pareto_k standard_error method"
         tables = []
@@ -191,7 +191,7 @@ def show_posteriors(result: xr.DataTree, page: Page) -> None:
             plot_parameter_density,
             result,
             note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
-            probs=_REGIONS,
+            ci_probs=_REGIONS,
         )
     units = units_of(next(iter(classes.values())))
     variables = table["parameter"].str.strip("|").str.split("[").str[0]

@@ -47,7 +47,7 @@ def show_measurements(data: xr.Dataset, page: Page) -> None:
         page.shown.append(words)
         page.text(words)
     specimens = specimens_apart(data)
-    rows = [_specimen_row(name, own, page.pressure_unit) for name, own in specimens.items()]
+    rows = [_specimen_row(name, own, page.at.pressure_unit) for name, own in specimens.items()]
     page.table("Specimens", pd.DataFrame(rows))
     page.figure(
         "Measured curves",
@@ -55,7 +55,7 @@ def show_measurements(data: xr.Dataset, page: Page) -> None:
         data,
         note=f"{_counts(data, len(specimens))}.",
         group_by="axial_stretch" if len(specimens) == 1 else "group",
-        pressure_unit=page.pressure_unit,
+        pressure_unit=page.at.pressure_unit,
     )
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.plots.style import rounded_probability
+from pymc_hyperelastic.predictions.conditions import Conditions
 
 # Levels of a notice, from the worst.
 LEVELS = ("not to be trusted", "caution", "note")
@@ -51,8 +52,8 @@ class Notice(NamedTuple):
 class Page:
     """A report in the making."""
 
-    pressure: Any = None
-    pressure_unit: str = "mmHg"
+    at: Conditions = field(default_factory=Conditions)
+    """Conditions for elastic properties, and the unit of pressures."""
     title: str = ""
     """Title of the result whose section is being written."""
     notices: list[Notice] = field(default_factory=list)

@@ -1,6 +1,6 @@
 """Elastic properties in a report, at pressures that were measured or that the user gave."""
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.evidence.results import thinned_draws
+from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
 from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
+from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data
 from pymc_hyperelastic.reports.page import Page, interval_ends
@@ -40,45 +42,45 @@ def show_properties(result: xr.DataTree, page: Page) -> None:
     if not all(map(has_data, classes.values())):
         return
     data = [inflation_data_of(tree) for tree in classes.values()]
-    pressures = page.pressure
-    if pressures is None:
+    at = page.at
+    if at.pressure is None:
         span = _common_pressures(data)
         if span is None:
             page.text("There is no pressure that all experiments reached.")
             return
-        pressures = np.linspace(*span, _IN_TABLE) * per_kilopascal(page.pressure_unit)
-    tube = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
-    of_tube = "The tube is the median of the measured ones. " if tube else ""
-    settings: dict[str, Any] = {"pressure_unit": page.pressure_unit}
+        pressures = np.linspace(*span, _IN_TABLE) * per_kilopascal(at.pressure_unit)
+        at = replace(at, pressure=pressures)
+    middle = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
+    of_tube = "The tube is the median of the measured ones. " if middle else ""
+    if at.tube is not None:
+        of_tube = f"The tube is {at.tube}, with medians of what it does not state. "
+    at = replace(at, pressure_range=None, tube=Tube(**middle | at.geometry()))
+    pressures = at.pressures
     if np.ptp(pressures) > 0:
         thinned = {name: thinned_draws(tree, _DRAWN) for name, tree in classes.items()}
         page.figure(
             "Elastic properties over the pressure",
             plot_elastic_properties,
             xr.DataTree.from_dict(thinned),
-            np.linspace(pressures.min(), pressures.max(), _IN_FIGURE),
+            replace(at, pressure=np.linspace(pressures.min(), pressures.max(), _IN_FIGURE)),
             note=f"{of_tube}Lines and bands: median and {100 * PROB:.3g} % interval.",
             warned=False,  # the table gives the same warnings, for all draws
-            prob=PROB,
-            tube=tube,
-            **settings,
+            ci_prob=PROB,
         )
     tables = []
     for name, tree in classes.items():
         with page.catching(f"Elastic properties of {page.title}"):
-            properties = tube_properties(tree, pressures, **settings | tube)
-            tables.append(_table(name, properties, pressures.tolist(), page.pressure_unit))
+            properties = tube_properties(tree, at)
+            tables.append(_table(name, properties, at))
     if tables:
         page.table("Elastic properties", pd.concat(tables), of_tube.strip())
 
 
-def _table(
-    name: str, properties: xr.Dataset, pressures: list[float], pressure_unit: str
-) -> pd.DataFrame:
+def _table(name: str, properties: xr.Dataset, at: Conditions) -> pd.DataFrame:
     """Return median and interval of each property at each pressure, by finite draws."""
     quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
     rows = []
-    for i, pressure in enumerate(pressures):
+    for i, pressure in enumerate(at.pressures.tolist()):
         for key in _PROPERTIES:
             draws = properties[key].isel(pressure=i).values
             known = draws[np.isfinite(draws)]
@@ -86,7 +88,7 @@ def _table(
             attrs = properties[key].attrs
             unit = attrs["units"].replace("mm2", "mm²")
             rows.append([attrs["long_name"], name, pressure, unit, *numbers.tolist()])
-    columns = ["property", "class", f"pressure ({pressure_unit})", "unit", "median"]
+    columns = ["property", "class", f"pressure ({at.pressure_unit})", "unit", "median"]
     return pd.DataFrame(rows, columns=[*columns, *interval_ends(PROB)])
 
 

@@ -14,8 +14,7 @@ from pymc_hyperelastic.classes.classification import are_of_classes
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.predictions.draws import checked_numbers
+from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.reports.cohort import (
     show_cohort_evidence,
     show_cohort_posteriors,
@@ -102,11 +101,10 @@ TABLES = (
 def report(
     result: Any,
     path: str | os.PathLike[str],
-    *,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
+    *,
     title: str | None = None,
-    pressure: Any = None,
-    pressure_unit: str = "mmHg",
+    at: Conditions | Any = None,
 ) -> Path:
     """Write a report of results: one HTML file for the screen and for paper.
 
@@ -130,11 +128,10 @@ def report(
         Further measurements to show, such as those that were classified.
     title : str, optional
         Heading of the page; by default the title of the data.
-    pressure : array_like, optional
-        Internal pressures of the elastic properties, in `pressure_unit`; by default three that all
-        experiments of the classes reached.
-    pressure_unit : str, default "mmHg"
-        Unit of pressures on the page, as pint knows it.
+    at : Conditions, or array_like of pressures in kPa, optional
+        Conditions for the elastic properties; their unit is that of all pressures on the page. By
+        default there are three pressures that all experiments of the classes reached, in kPa, and
+        the tube has the medians of the measured ones. The ``pressure_range`` is not used.
 
     Returns
     -------
@@ -146,7 +143,7 @@ def report(
     ImportError
         If Jinja2 is not installed; it comes with the extra ``cli``.
     TypeError, ValueError
-        If something is no result, `path` is a folder, or the unit is unknown.
+        If something is no result, `path` is a folder, or a pressure is below 0.
 
     See Also
     --------
@@ -167,12 +164,14 @@ def report(
     True
     """
     template = _template()
-    per_kilopascal(pressure_unit)  # raise for an unknown unit before anything is drawn
+    at = as_conditions(at)
+    if at.pressure is not None and at.pressures.min() < 0:
+        raise ValueError(f"at states the pressure {at.pressures.min():g}; expected at least 0")
     path = Path(path)
     if path.is_dir():
         raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
     results = _titled(result, data)
-    page = Page(_checked_pressure(pressure, pressure_unit), pressure_unit)
+    page = Page(at)
     chapters = [
         {
             "anchor": anchor,
@@ -290,15 +289,6 @@ def _template() -> Any:
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict)
     environment.trim_blocks = environment.lstrip_blocks = True
     return environment.get_template("page.html.jinja")
-
-
-def _checked_pressure(pressure: Any, unit: str) -> Any:
-    if pressure is None:
-        return None
-    pressures = checked_numbers("pressure", pressure, f"pressures in {unit}")
-    if pressures.min() < 0:
-        raise ValueError(f"pressure must be at least 0; got {pressure!r}")
-    return pressures
 
 
 def _title_of(results: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes import groups
 from pymc_hyperelastic.classes.compare_classes import _averaged
 from pymc_hyperelastic.classes.joint import Apart, Joint
 from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.classes.quantities import place_of, standard_specimens
+from pymc_hyperelastic.classes.quantities import complete_conditions, standard_specimens
 
 SEED = 913
 X = "log_reference_strain"
@@ -33,7 +33,7 @@ ROUNDING = 1e-8
 
 
 def compare(classes, quantity, **settings):
-    settings = {"random_seed": SEED, "bayes_factor": False} | settings
+    settings = {"random_seed": SEED, "effect_prior": None} | settings
     return ph.compare_classes(classes, quantity, **settings)
 
 
@@ -168,7 +168,7 @@ def test_properties_are_those_of_a_tube(classes):
     pressure = [1.0, 6.0]
     quantities = ["compliance", "log compliance"]
     with pytest.warns(UserWarning, match="have no") as warned:
-        result = compare(classes, quantities, pressure=pressure, draws=100, specimens=16)
+        result = compare(classes, quantities, at=pressure, draws=100, specimens=16)
     lacking = result["lacking"].sel(quantity="compliance", pressure=6.0)
     assert lacking.sel(group="soft") > lacking.sel(group="stiff")
     words = f"class 'soft': {float(lacking.sel(group='soft')):.1%} of its specimens have no compl"
@@ -177,7 +177,8 @@ def test_properties_are_those_of_a_tube(classes):
     draws = result["draws"].sel(group="stiff", statistic="typical", pressure=1.0)
     location = classes["stiff"]["posterior"]["location"].values.ravel()
     mu = modulus(location[np.linspace(0, 999, 100).round().astype(int)])
-    tube = ph.tube_properties(posterior(mu=mu), pressure=1.0, energy=ph.NeoHookean(), **TUBE)
+    at = ph.Conditions(1.0, tube=ph.Tube(**TUBE))
+    tube = ph.tube_properties(posterior(mu=mu), at, energy=ph.NeoHookean())
     found = draws.sel(quantity="compliance").values.ravel()
     np.testing.assert_allclose(found, tube["compliance"].values.ravel(), rtol=1e-6)
     logs = draws.sel(quantity="log compliance")
@@ -215,7 +216,7 @@ def check_difference(found, exact):
 
 def test_a_covariate_has_the_effect_of_closed_forms(classes, scale, joint_models):
     settings = {"covariates": {"age": dict(zip(ANIMALS, AGE, strict=True))}, "draws": DRAWS}
-    found = compare(classes, X, bayes_factor=True, effect_prior=2.0, **settings)
+    found = compare(classes, X, effect_prior=2.0, **settings)
     found = found.sel(statistic="typical").squeeze()
     exact = of_groups(scale, *SPECIMENS, SIGN, [AGE / AGE.std()], Apart(3.0, 1.0))
     check_difference(found, exact)
@@ -237,14 +238,27 @@ def test_the_tube_is_that_of_the_median_specimen(classes):
     for name, radii in (("soft", [6.0, 6.5, 7]), ("stiff", [7.5, 8, 8, 8.9])):
         data = changed[name]["constant_data"].to_dataset().assign(inner_radius=("test", radii))
         changed[name]["constant_data"] = xr.DataTree(data)
-    place = place_of(changed, [X], None, None, "kPa", 1060.0, {"axial_stretch": 1.5})
-    expected = {"inner_radius": 7.25, "outer_radius": 9.0, "axial_stretch": 1.5}
-    assert place.tube == expected | {"opening_angle": 0.0}
+    stated = ph.Conditions(tube=ph.Tube(axial_stretch=1.5))
+    tube = complete_conditions(changed, [X], stated).tube
+    assert tube == ph.Tube(7.25, 9.0, axial_stretch=1.5, opening_angle=0.0)
+    with pytest.raises(ValueError, match="expected one axial stretch, at which all are compared"):
+        compare(classes, X, at=ph.Conditions(tube=ph.Tube(axial_stretch=[1.0, 1.5])))
+
+
+def test_properties_between_two_pressures_need_no_other_pressure(classes):
+    """The change of the stored energy is the difference of the energies at both pressures."""
+    few = {"draws": 100, "specimens": 8}
+    ends = compare(classes, "stored_energy", at=[0.2, 0.4], **few)["draws"]
+    between = ph.Conditions(pressure_range=(0.2, 0.4))
+    found = compare(classes, "stored_energy_change", at=between, **few)["draws"]
+    typical = {"statistic": "typical"}
+    change = ends.sel(typical).diff("pressure").squeeze(["pressure", "quantity"])
+    np.testing.assert_allclose(found.sel(typical).squeeze("quantity"), change, rtol=1e-6)
 
 
 def test_pairs_have_the_difference_of_closed_forms(classes, scale, joint_models):
     """Moduli of animals differ by half, and all rise by about as much."""
-    settings = {"pair": ANIMALS, "bayes_factor": True, "draws": DRAWS}
+    settings = {"pair": ANIMALS, "effect_prior": 1.0, "draws": DRAWS}
     found = compare(classes, X, **settings).squeeze()
     # The specimens of a draw have exactly the variance of their distribution.
     spread = found["value"].sel(statistic="spread").values
@@ -292,8 +306,8 @@ def test_laws_are_averaged_by_their_probability(classes):
     """The fixture is compared with Demiray's law, of two parameters."""
     other = fit(ph.Demiray(), draws=500, chains=1)
     laws = {"NeoHookean": classes, "Demiray": other}
-    result = compare(laws, "compliance", pressure=1.0, draws=500)
-    alone = [compare(t, "compliance", pressure=1.0, draws=500)["draws"] for t in laws.values()]
+    result = compare(laws, "compliance", at=1.0, draws=500)
+    alone = [compare(t, "compliance", at=1.0, draws=500)["draws"] for t in laws.values()]
     evidences = [sum(ph.log_evidence(t[g]).value for g in TRAINING) for t in laws.values()]
     share = special.expit(evidences[1] - evidences[0])
     chosen = [np.isin(result["draws"].values, d.values).mean() for d in alone]
@@ -306,8 +320,8 @@ def test_wrong_input_is_named(classes):
     for quantity, settings, message in (
         ("stiffnes", {}, "no quantity is called 'stiffnes'; NeoHookean has the .*'stiffness'"),
         ([], {}, "one or several different names"),
-        ("compliance", {}, "compliance depends on the pressure: give pressure="),
-        ("in_vivo_axial_stretch", {"pressure": 2}, "depends on two pressures: give pressure_ran"),
+        ("compliance", {}, "compliance depends on the pressure: give at="),
+        ("in_vivo_axial_stretch", {"at": 2}, "depends on two pressures: give .*pressure_ran"),
         (X, {"draws": 10}, "draws is 10"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -99,7 +99,7 @@ def test_a_class_with_a_specimen_given_up_has_no_evidence(classes, monkeypatch):
     assert np.isfinite(found["pressure"]).all()
     ph.predict_pressure(stiff, [8.0, 8.5], specimen="B1")
     with pytest.warns(UserWarning, match="class 'stiff' .* is not to be trusted"):
-        ph.compare_classes(classes, "mu", specimens=20, draws=100, bayes_factor=False)
+        ph.compare_classes(classes, "mu", specimens=20, draws=100, effect_prior=None)
     with pytest.warns(UserWarning, match="1 of 1 cannot be judged"):
         found = classify(curves({"N1": [80.0]}, 3), classes)
     assert found["decision"].item() == "cannot be judged"

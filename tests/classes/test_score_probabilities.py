@@ -89,7 +89,7 @@ def test_intervals_are_those_of_wilson():
     """8 of 10 with 95 %: from 0.4902 to 0.9433 (Wilson 1927)."""
     truth = ["C1"] * 8 + ["C2"] * 2
     p = classified([[0.75, 0.25]] * 10)["class_probability"].T  # dimensions in any order
-    scores = ph.score_probabilities(p, xr.DataArray(truth, dims="test"), prob=0.95)
+    scores = ph.score_probabilities(p, xr.DataArray(truth, dims="test"), ci_prob=0.95)
     top = scores.sel(forecast="most probable class").isel(bin=7)
     assert top["frequency_lower"].item() == pytest.approx(0.4902, abs=1e-4)
     assert top["frequency_upper"].item() == pytest.approx(0.9433, abs=1e-4)
@@ -115,6 +115,6 @@ def test_wrong_input_is_an_error_that_names_the_unit():
             ph.score_probabilities(probability, truth)
     with pytest.raises(TypeError, match="DataArray of probabilities, not list"):
         ph.score_probabilities([[0.9, 0.1]], ["C1"])
-    for settings, message in (({"bins": 0}, "bins is 0"), ({"prob": 94}, "prob is 94")):
+    for settings, message in (({"bins": 0}, "bins is 0"), ({"ci_prob": 94}, "ci_prob is 94")):
         with pytest.raises(ValueError, match=message):
             ph.score_probabilities(HALVES, ["C1"], **settings)

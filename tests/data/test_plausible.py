@@ -128,21 +128,20 @@ def test_hoop_stretches_are_compared_where_the_tube_is_nearly_unloaded_or_inflat
         build(curve(np.linspace(5.0, 5.2, 10), below + JUST))
 
 
-@pytest.mark.parametrize(
-    "function", [ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress]
-)
+@pytest.mark.parametrize("function", [ph.radius_at_pressure, ph.tube_properties, ph.wall_stress])
 def test_pressure_of_a_prediction_that_was_probably_in_mmhg_is_doubted(function):
     posterior = xr.Dataset({"mu": (("chain", "draw"), [[700.0, 900.0]])})
     tree = xr.DataTree.from_dict({"posterior": posterior})
-    material = {"energy": ph.NeoHookean(), **TUBE}
+    tube, material = ph.Tube(**TUBE), {"energy": ph.NeoHookean()}
+    at = ph.Conditions([16.0, 100.0], tube=tube)
     with pytest.warns(UserWarning, match="100 kPa, 750 mmHg.*pressure_unit='mmHg'") as warned:
-        doubted = function(tree, [16.0, 100.0], **material)
+        doubted = function(tree, at, **material)
     assert [w.filename for w in warned] == [__file__]
     with pytest.raises(ValueError, match="750 mmHg"):
-        function(tree, 100, check="raise", **material)
-    silent = function(tree, [16.0, 100.0], check="ignore", **material)
+        function(tree, ph.Conditions(100, tube=tube), check="raise", **material)
+    silent = function(tree, at, check="ignore", **material)
     xr.testing.assert_identical(silent, doubted)
-    function(tree, 120 * ph.mmHg, **material)
+    function(tree, ph.Conditions(120 * ph.mmHg, tube=tube), **material)
 
 
 def test_specimens_of_single_points_are_doubted(written):

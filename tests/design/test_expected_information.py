@@ -13,7 +13,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.design import information as module
 from pymc_hyperelastic.design import trials
-from pymc_hyperelastic.design.planned_tests import as_design, radii_of
+from pymc_hyperelastic.design.planned_tests import as_design, empty_data, radii_of
 
 SEED = 914
 X = "log_reference_strain"
@@ -168,7 +168,7 @@ def test_axial_forces_and_materials_that_differ_by_test():
 
 def test_means_errors_and_warnings_by_hand(classes):
     kind = kind_of_classes(classes)
-    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind, "kPa") for n in "abc"}
+    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind) for n in "abc"}
     gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
     effective = np.array([[30.0] * 4, [20, 20, np.nan, 20], [19, 30, 30, 30]])
@@ -202,12 +202,20 @@ def test_radii_of_planned_tests(classes):
     kind = kind_of_classes(classes)
     x = np.array([[-1.5], [-2.0]])
     mu = kind.scale.numbers([x])["mu"][:, 0]
-    planned = {"pressure": (10, 30), "points": 3}
-    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], kind, "mmHg")
+    planned = {"pressure": (10, 30), "pressure_unit": "mmHg", "points": 3}
+    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], kind)
     assert design[0].words == "10 to 30 mmHg at a stretch of 1"
     assert len(design[1].held) == 20
     tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
     radii = radii_of(kind, design, {X: x}, tube, {})
+    # A test may state a tube of its own, here the same one, twice as large.
+    larger = ph.Tube(**{name: 2 * value for name, value in TUBE.items()})
+    design = as_design("a", [planned, planned | {"tube": larger}], kind)
+    own, twice = np.split(radii_of(kind, design, {X: x}, tube, {}), 2, axis=1)
+    np.testing.assert_allclose(twice, 2 * own)
+    np.testing.assert_array_equal(own, radii[:, :3])
+    data = empty_data(kind, design, tube, {})
+    np.testing.assert_array_equal(data["outer_radius"], np.array([1, 2]) * TUBE["outer_radius"])
     for own, modulus in zip(radii[:, :3], mu, strict=True):
         expected = np.array([10, 20, 30]) * ph.mmHg
         np.testing.assert_allclose(modulus * unit_pressure(own), expected, rtol=1e-6)
@@ -242,6 +250,8 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"pressure": 1, "points": 0}, "design 'a': points is 0; expected at least 1"),
         ({"pressure": -1}, "design 'a': pressures must be 0 or more"),
         ({"radius": 0}, "radii and stretches more than 0"),
+        (FEW | {"tube": ph.Tube(axial_stretch=1.2)}, "give the axial stretch of a test as 'axial"),
+        ({"pressure": 1, "pressure_unit": "mm"}, "pressure_unit='mm' does not measure pressure"),
         (MANY | {"force": True}, "classes were fitted without its error"),
         (MANY | {"axial_stretch": (1, 1.2)}, "either the radius or the axial stretch"),
         (
@@ -257,6 +267,8 @@ def test_impossible_designs_and_wrong_settings_are_named(classes):
         ({"class_prior": {"soft": 1.0}}, r"class_prior must hold a positive number for each of"),
         ({"given": TRAINING["soft"]}, r"given must hold tests of one specimen; it has \['A1',"),
         ({"draws": 8}, "draws is 8; expected at least 32"),
+        ({"about": "compliance"}, "compliance depends on the pressure: give at="),
+        ({"about": "compliance", "at": [1, 2]}, r"pressures \[1.0, 2.0\]; expected one"),
     ):
         with pytest.raises(ValueError, match=message):
             information(**{"classes": classes, "designs": {"few": FEW}} | settings)

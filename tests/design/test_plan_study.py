@@ -142,7 +142,7 @@ def test_decisions_of_studies_by_hand():
 def test_wrong_settings_and_pilots_are_named(classes):
     for settings, message in (
         ({"quantity": "strength"}, "no quantity is called 'strength'"),
-        ({"quantity": "compliance", "pressure": [1, 2]}, r"for one pressure; got \[1.0, 2.0\]"),
+        ({"quantity": "compliance", "at": [1, 2]}, r"pressures \[1.0, 2.0\]; expected one"),
         ({"specimens": (1, 4)}, r"whole numbers, each 2 or more; got \(1, 4\)"),
         ({"relevant": -1.0}, "relevant is -1.0; expected a difference, 0 or more"),
         ({"studies": 2}, "studies is 2; expected at least 10"),

@@ -69,9 +69,9 @@ BAD_INPUT = [
     unsampled("nothing free", "free variables", "none"),
     unsampled("no likelihood", "nothing to temper", "[]"),
     unsampled(
-        "impossible", "none of 50000 draws", "50000 are NaN", "unit", "pm.Truncated", "_by_bridge"
+        "impossible", "none of 50000 draws", "50000 are NaN", "unit", "pm.Truncated", "bridge_s"
     ),
-    unsampled("costly", "60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"),
+    unsampled("costly", "60 unknowns", "takes so long", "NUTS", "ph.bridge_sampling"),
     unsampled("large", "301 unknowns, more than the 300"),
     unsampled("minibatch", "density of the model is random", "all of its data"),
     unsampled("random", "density of the model is random", "had another one"),

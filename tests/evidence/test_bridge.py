@@ -1,4 +1,4 @@
-"""log_evidence_by_bridge: evidences from draws of any sampler, against exact ones; warnings."""
+"""bridge_sampling: evidences from draws of any sampler, against exact ones; warnings."""
 
 import warnings
 
@@ -33,7 +33,7 @@ def by_chain(values):
 def bridge(model, tree, **settings):
     """Return the evidence by one normal proposal, unless another kind is given."""
     settings = {"random_seed": SEED, "proposal": "normal"} | settings
-    return ph.log_evidence_by_bridge(model, tree, **settings)
+    return ph.bridge_sampling(model, tree, **settings)
 
 
 def assert_doubtful(model, tree, match, **settings):

@@ -334,13 +334,14 @@ def predictions(name):
     """Predictions from two given draws of the material parameters of a law."""
     draws = {key: (("chain", "draw"), [[x, 1.1 * x]]) for key, x in LAWS[name].items()}
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(draws)})
-    tube, pressures = {"energy": law(name), **TUBE, **WHOLE}, [2.0, 6.0]
+    energy, tube = law(name), ph.Tube(**TUBE, **WHOLE)
+    at = ph.Conditions([2.0, 6.0], pressure_range=(3, 5), tube=tube)
     results = {
-        "curve": ph.predict_pressure(tree, RADII, **tube),
-        "force": ph.predict_axial_force(tree, RADII, **tube),
-        "inverse": ph.radius_at_pressure(tree, pressures, **tube),
-        "properties": ph.tube_properties(tree, pressures, pressure_range=(3, 5), **tube),
-        "stress": ph.wall_stress(tree, pressures, points=3, **tube),
+        "curve": ph.predict_pressure(tree, RADII, tube=tube, energy=energy),
+        "force": ph.predict_axial_force(tree, RADII, tube=tube, energy=energy),
+        "inverse": ph.radius_at_pressure(tree, at, energy=energy),
+        "properties": ph.tube_properties(tree, at, energy=energy),
+        "stress": ph.wall_stress(tree, at, points=3, energy=energy),
     }
     return {f"{kind}, {n}": x.values for kind, r in results.items() for n, x in r.items()}
 
@@ -417,7 +418,7 @@ def moments(variables):
 def sampled(name, seed):
     """Log evidences of a model, by SMC and by bridge sampling, and moments of its parameters."""
     model, tree = draws(name, seed)
-    bridge = ph.log_evidence_by_bridge(model, tree, random_seed=seed)
+    bridge = ph.bridge_sampling(model, tree, random_seed=seed)
     result = {"SMC": Sampled(*ph.log_evidence(tree)), "bridge": Sampled(*bridge)}
     # The posterior of Ogden's exponent is symmetric.
     return result | moments({v.name: abs(tree["posterior"][v.name]) for v in model.free_RVs})
@@ -469,7 +470,7 @@ def divergence(seed):
 
 def differences(seed):
     """Differences of two classes, and their Bayes factor."""
-    settings = {"pressure": 5.0, "draws": 2000, "random_seed": seed}
+    settings = {"at": 5.0, "draws": 2000, "random_seed": seed}
     quantities = ["log_alpha", "log compliance"]
     found = ph.compare_classes(classes("specimens", seed), quantities, **settings)
     factor = found["log_bayes_factor"].item(), found["log_bayes_factor_se"].item()

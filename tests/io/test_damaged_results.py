@@ -28,7 +28,8 @@ BARE = re.compile(
     r"not supported between|must be real number|positional argument|has no attribute|same kind|"
     r"object is not|need at least one|zero-size|conflicting sizes|shape mismatch|too many values"
 )
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": 1.0, "opening_angle": 0.0}
+TUBE = ph.Tube(7.0, 9.0, axial_stretch=1.0, opening_angle=0.0)
+AT = ph.Conditions([2.0], tube=TUBE)
 FEW = {"specimens": 10, "draws": 32, "random_seed": 1}
 Groups = dict[str, xr.Dataset]
 
@@ -41,8 +42,8 @@ def classify(tree: xr.DataTree) -> xr.Dataset:
 
 
 def compare(tree: xr.DataTree) -> xr.Dataset:
-    settings = {"bayes_factor": False, "draws": 100, "random_seed": 1}
-    return ph.compare_classes(tree, "compliance", pressure=[1.0, 2.0], **settings)
+    settings = {"effect_prior": None, "draws": 100, "random_seed": 1}
+    return ph.compare_classes(tree, "compliance", at=[1.0, 2.0], **settings)
 
 
 def inform(tree: xr.DataTree) -> xr.Dataset:
@@ -63,11 +64,11 @@ def one(tree: xr.DataTree) -> xr.DataTree:
 OF_ONE = {
     "log_evidence": lambda tree: ph.log_evidence(one(tree)),
     "diagnose_evidence": lambda tree: ph.diagnose_evidence(one(tree)),
-    "predict_pressure": lambda tree: ph.predict_pressure(one(tree), [8.0, 8.5], **TUBE),
-    "radius_at_pressure": lambda tree: ph.radius_at_pressure(one(tree), [2.0], **TUBE),
-    "tube_properties": lambda tree: ph.tube_properties(one(tree), [2.0], **TUBE),
-    "wall_stress": lambda tree: ph.wall_stress(one(tree), [2.0], **TUBE),
-    "admissible": lambda tree: ph.admissible(one(tree), [8.0], **TUBE),
+    "predict_pressure": lambda tree: ph.predict_pressure(one(tree), [8.0, 8.5], tube=TUBE),
+    "radius_at_pressure": lambda tree: ph.radius_at_pressure(one(tree), AT),
+    "tube_properties": lambda tree: ph.tube_properties(one(tree), AT),
+    "wall_stress": lambda tree: ph.wall_stress(one(tree), AT),
+    "is_admissible": lambda tree: ph.is_admissible(one(tree), [8.0], tube=TUBE),
     "material_card": lambda tree: ph.material_card(one(tree), "febio"),
 }
 OF_CLASSES = {
@@ -80,7 +81,7 @@ OF_CLASSES = {
         "compare_classes": compare,
         "expected_information": inform,
         "plan_study": lambda tree: ph.plan_study(
-            tree, "compliance", (4,), pressure=2.0, studies=10, draws=50, random_seed=1
+            tree, "compliance", (4,), at=2.0, studies=10, draws=50, random_seed=1
         ),
         "of a specimen": lambda tree: ph.predict_pressure(one(tree), [8.0], specimen="A1"),
     },

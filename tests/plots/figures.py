@@ -52,8 +52,8 @@ def straight_lines(specimens=16, stretches=(1.0,), of_diameter=False):
 def curve_at(pressure, stretch, *mu) -> xr.Dataset:
     """Predict the tube at these pressures and axial stretches, for each modulus."""
     tree = result(mu=list(mu or (MU,)))
-    at = {"pressure": pressure, "axial_stretch": stretch}
-    return ph.predict_axial_force(tree, energy=ph.NeoHookean(), **SMALL_TUBE, **at)
+    at = ph.Conditions(pressure, tube=ph.Tube(axial_stretch=stretch, **SMALL_TUBE))
+    return ph.tube_properties(tree, at, energy=ph.NeoHookean())
 
 
 def drifting(held, stretch):

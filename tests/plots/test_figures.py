@@ -63,7 +63,7 @@ def without_data(tree):
         (lambda c, r: ph.plot_inflation(DATA, visuals={"dot": {}}), "no visual.*'dot'"),
         (lambda c, r: ph.plot_parameter_density(xr.DataTree()), "no posterior"),
         (lambda c, r: ph.plot_parameter_density(c, var_names=["mu", "mu"]), "two different"),
-        (lambda c, r: ph.plot_parameter_density(c, probs=[1.0]), "between 0 and 1"),
+        (lambda c, r: ph.plot_parameter_density(c, ci_probs=[1.0]), "between 0 and 1"),
         (lambda c, r: ph.plot_pressure_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
         (lambda c, r: ph.plot_pressure_fit(without_data(c["C1"])), "no inflation data"),
         (lambda c, r: ph.plot_class_probability(DATA), "lacks 'class_probability'"),

@@ -37,11 +37,11 @@ def test_measured_forces_are_drawn_beside_the_predicted_median():
     force = np.arange(data.sizes["obs"], dtype=float)
     force[3] = np.nan
     data["axial_force"] = ("obs", force, {"units": "mN"})
-    figure = ph.plot_axial_force(tree, data, prob=0.8, backend="none")
+    figure = ph.plot_axial_force(tree, data, ci_prob=0.8, backend="none")
     where = {"axial_stretch": "1.2", "class_label": "posterior"}
     median = figure.get_viz("median", "axial_force", curve=0, **where)
-    predicted = ph.predict_axial_force(tree, median["x"], axial_stretch=1.2)["axial_force"]
-    assert_band(figure, "axial_force", predicted, 0.8, curve=0, **where)
+    predicted = ph.predict_axial_force(tree, median["x"], tube=ph.Tube(axial_stretch=1.2))
+    assert_band(figure, "axial_force", predicted["axial_force"], 0.8, curve=0, **where)
     assert figure.get_viz("points", **where)["facecolor"] == median["color"]
     assert_shown(figure, force)
     assert texts(figure, "ylabel") == ["reduced axial force (mN)"]

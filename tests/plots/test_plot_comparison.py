@@ -9,7 +9,7 @@ import pymc_hyperelastic as ph
 
 def compare(quantity, **settings):
     classes = fits.fit("neo_hookean_classes")
-    few = {"draws": 100, "specimens": 8, "random_seed": 1, "bayes_factor": False}
+    few = {"draws": 100, "specimens": 8, "random_seed": 1, "effect_prior": None}
     return ph.compare_classes(classes, quantity, **few, **settings)
 
 
@@ -40,7 +40,7 @@ def test_points_and_intervals_are_those_of_the_result(result):
 def test_curves_are_those_of_the_groups():
     pressure = [1.0, 2.0, 3.0]
     with pytest.warns(UserWarning, match="have no compliance there"):
-        result = compare("compliance", pressure=pressure)
+        result = compare("compliance", at=pressure)
     figure = ph.plot_comparison(result, backend="none", statistic="mean")
     line, band = (
         figure.get_viz(visual, "compliance", class_label="stiff") for visual in ("median", "band")

@@ -24,7 +24,7 @@ def height_of(area):
 
 
 def test_regions_of_both_modes_hold_their_probability(classes):
-    figure = ph.plot_parameter_density(classes, probs=[0.5, 0.95])
+    figure = ph.plot_parameter_density(classes, ci_probs=[0.5, 0.95])
     assert legend_texts(figure) == ["class C1", "class C2"]
     for name, tree in classes.children.items():
         mu, alpha = (tree["posterior"][n].values.ravel() for n in ("mu", "alpha"))
@@ -64,7 +64,7 @@ def test_regions_end_at_the_limit_of_a_uniform_prior(classes):
 
 def test_dashed_line_holds_its_share_of_new_specimens():
     tree, members = hierarchical_class(0.2)
-    figure = ph.plot_parameter_density(tree, probs=[0.5, 0.8])
+    figure = ph.plot_parameter_density(tree, ci_probs=[0.5, 0.8])
     (line,) = figure.viz["new"]["log_density"].values.ravel()
     values = NaturalScale(ph.Ogden()).numbers(list(members))
     points = np.stack([values["mu"], values["alpha"]], axis=1)

@@ -44,14 +44,14 @@ def test_each_tube_of_new_data_has_a_band(few_draws):
     outer = new["outer_radius"].copy()
     outer[0] = 9.5
     new = new.assign(outer_radius=outer)
-    figure = ph.plot_pressure_fit(tree, new, prob=0.8, backend="none", pressure_unit="mmHg")
+    figure = ph.plot_pressure_fit(tree, new, ci_prob=0.8, backend="none", pressure_unit="mmHg")
     assert figure.viz["band"]["specimen"].values.tolist() == ["S1", "S2 and 3 more"]
     for label, b in {"S1": 9.5, "S2 and 3 more": 9.0}.items():
         where = {"specimen": label, "class_label": "C1", "curve": 0}
         x = figure.get_viz("median", "pressure", **where)["x"]
         radius = new["radius"].values[(outer.values == b)[new["test"].values]]
         assert x[[0, -1]].tolist() == [radius.min(), radius.max()]
-        curves = ph.predict_pressure(tree, x, outer_radius=b) / ph.mmHg
+        curves = ph.predict_pressure(tree, x, tube=ph.Tube(outer_radius=b)) / ph.mmHg
         for variable in ("pressure", "stiffness"):
             assert_band(figure, variable, curves[variable], 0.8, **where)
 

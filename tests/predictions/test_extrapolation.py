@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
-from tube_posteriors import SHEEP, fitted_to, result
+from tube_posteriors import AT_PRESSURES, AT_RADII, SHEEP, ask, fitted_to, result
 
 import pymc_hyperelastic as ph
 
@@ -37,15 +37,11 @@ def fitted(data=None, **variables) -> xr.DataTree:
     return fitted_to(data, "NeoHookean", result(mu=[0.9 * MU, MU, 1.1 * MU], **variables))
 
 
-def quietly(function, *arguments, **settings) -> list[bool]:
+def quietly(function, tree, points, **tube) -> list[bool]:
     """Return the mark of extrapolation, without warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return function(*arguments, **settings)["extrapolated"].values.tolist()
-
-
-AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.admissible)
-AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress)
+        return ask(function, tree, points, tube)["extrapolated"].values.tolist()
 
 
 @pytest.mark.parametrize("function", AT_RADII)
@@ -85,7 +81,7 @@ def test_tubes_of_other_size_are_compared_by_stretch():
 def test_measured_pressure_is_extrapolated_in_a_thinner_tube():
     top = pressure_of(RADIUS[-1])
     with pytest.warns(UserWarning, match="hoop stretch .* at axial stretch 1, measured"):
-        found = ph.tube_properties(fitted(), [0.9 * top], inner_radius=7.0, outer_radius=8.2)
+        found = ph.tube_properties(fitted(), ph.Conditions([0.9 * top], tube=ph.Tube(7.0, 8.2)))
     assert found["extrapolated"].values.tolist() == [True]
 
 
@@ -98,7 +94,7 @@ def test_axial_stretches_between_measured_ones_are_not_extrapolated():
         assert quietly(ph.predict_pressure, tree, asked, axial_stretch=axial) == [False, True]
     for axial in (0.9, 1.5):
         with pytest.warns(UserWarning, match=f"axial stretch {axial}, measured 1 to 1.4"):
-            found = ph.predict_pressure(tree, [8.0], axial_stretch=axial)
+            found = ph.predict_pressure(tree, [8.0], tube=ph.Tube(axial_stretch=axial))
         assert found["extrapolated"].all()
 
 
@@ -111,10 +107,11 @@ def test_extrapolation_warning_names_its_class():
 def test_tests_of_one_specimen_are_named_by_their_stretches():
     data = data_of(*(({"axial_stretch": s}, RADIUS) for s in (1.0, 1.25)))
     data = data.assign_coords(specimen=("test", ["S1", "S1"]), experiment=("test", [1, 2]))
-    with pytest.raises(ValueError, match=r"axial_stretch \(1, 1.25\).*axial_stretch=1;") as raised:
+    with pytest.raises(
+        ValueError, match=r"axial_stretch \(1, 1.25\).*ph.Tube\(axial_stretch=1\)"
+    ) as raised:
         ph.tube_properties(fitted(data), [1.0])
     assert "specimen" not in str(raised.value).replace("specimens", "")
-    assert "tube={'axial_stretch': ...}" in str(raised.value)
 
 
 def test_inferred_geometry_counts_as_the_tube_of_the_data():

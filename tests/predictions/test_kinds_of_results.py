@@ -98,9 +98,9 @@ PREDICTIONS = {
     "predict_axial_force": (ph.predict_axial_force, [8.0, 8.5]),
     "radius_at_pressure": (ph.radius_at_pressure, [2.0, 3.0]),
     "tube_properties": (ph.tube_properties, [2.0, 3.0]),
-    "pulse_wave_velocity": (ph.pulse_wave_velocity, [2.0, 3.0]),
+    "in mmHg": (ph.tube_properties, ph.Conditions([15, 22], pressure_unit="mmHg")),
     "wall_stress": (ph.wall_stress, [2.0, 3.0]),
-    "admissible": (ph.admissible, None),
+    "admissible": (ph.is_admissible, None),
 }
 
 
@@ -136,9 +136,8 @@ def test_prediction_is_finite_and_names_its_specimen(results, kind, question, sp
 def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, specimen):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = ph.tube_properties(
-            results[kind], [2.0, 3.0], pressure_range=(2.0, 3.0), specimen=specimen
-        )
+        at = ph.Conditions([2.0, 3.0], pressure_range=(2.0, 3.0))
+        found = ph.tube_properties(results[kind], at, specimen=specimen)
     change = found["stored_energy"].diff("pressure").squeeze("pressure", drop=True)
     xr.testing.assert_allclose(found["stored_energy_change"], change.rename(None), rtol=INVERSE)
     stretch = found["in_vivo_axial_stretch"]
@@ -247,7 +246,7 @@ def test_naming_a_specimen_gives_its_tube():
     with pytest.raises(ValueError, match=r"outer_radius=.*specimen="):
         ph.predict_pressure(tree, [7.5])
     found = ph.predict_pressure(tree, [7.5, 8.5], specimen="S1")
-    expected = ph.predict_pressure(tree, [7.5, 8.5], outer_radius=9.0)
+    expected = ph.predict_pressure(tree, [7.5, 8.5], tube=ph.Tube(outer_radius=9.0))
     np.testing.assert_array_equal(found["pressure"], expected["pressure"])
     assert not found["extrapolated"].any()  # the other specimen was inflated further
 
@@ -296,7 +295,7 @@ def without_data(tree):
 NOT_OFFERED = [
     ("layers", lambda tree: fit_layers(), "do not make a class.*ph.inflation_model"),
     ("layers", lambda tree: classify(TRAINING["soft"], tree), "ph.fit_classes"),
-    ("layers", lambda tree: predict(tree, outer_radius=9.0), "outer_radius.*layers"),
+    ("layers", lambda tree: predict(tree, tube=ph.Tube(outer_radius=9.0)), "outer_radius.*layers"),
     ("layers", lambda tree: predict(with_attrs(tree)), r"energy=\[ph.Layer\(...\), ...\]"),
     ("variable class", lambda tree: predict(tree, specimen="A9"), "no specimen 'A9'.*'A1', 'A2'"),
     ("variable class", lambda tree: predict(tree, energy=ph.Ogden()), "log_alpha.*leave energy"),

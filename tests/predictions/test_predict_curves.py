@@ -5,7 +5,7 @@ import oracles
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
-from tube_posteriors import ROUNDING, TUBES, fitted_tree, result
+from tube_posteriors import ROUNDING, TUBES, ask, fitted_tree, result
 
 import pymc_hyperelastic as ph
 
@@ -29,7 +29,7 @@ def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
     posterior = result(**values)["posterior"].to_dataset().transpose()
     tree = xr.DataTree.from_dict({"posterior": posterior})
     tube, radius = TUBES["in vivo"], [0.3, 0.5]
-    found = predict(tree, radius, energy=ph.Ogden(), **tube)[name]
+    found = predict(tree, radius, tube=ph.Tube(**tube), energy=ph.Ogden())[name]
     assert found.dims == ("chain", "draw", "radius")
     assert found.attrs["units"] == {"pressure": "kPa", "stiffness": "kPa/mm"}.get(name, "mN")
     for draw in range(3):
@@ -55,7 +55,7 @@ def test_inferred_geometry_is_that_of_each_draw(wall):
     functions = (ph.predict_pressure, ph.predict_axial_force, ph.radius_at_pressure, ph.wall_stress)
     arguments = ([7.5, 8.0], [7.5, 8.0], [1.0, 2.0], [1.0, 2.0])
     for function, argument in zip(functions, arguments, strict=True):
-        found = function(tree, argument, energy=ph.NeoHookean())
+        found = ask(function, tree, argument, energy=ph.NeoHookean())
         for draw in range(3):
             tube = {
                 "inner_radius": INNER[draw],
@@ -63,7 +63,7 @@ def test_inferred_geometry_is_that_of_each_draw(wall):
                 "axial_stretch": axial[draw],
                 "opening_angle": angle[draw],
             }
-            alone = function(result(mu=[20.0]), argument, energy=ph.NeoHookean(), **tube)
+            alone = ask(function, result(mu=[20.0]), argument, tube, energy=ph.NeoHookean())
             for name in alone:
                 np.testing.assert_allclose(
                     found[name][:, [draw]], alone[name], rtol=1e-10, atol=1e-12
@@ -80,6 +80,7 @@ def test_inferred_geometry_is_that_of_each_draw(wall):
     ],
 )
 def test_keyword_precedes_posterior_precedes_data(given, inferred, outer):
-    found = ph.predict_pressure(fitted_tree(mu=[20.0], **inferred), [8.0], **given)
+    tree = fitted_tree(mu=[20.0], **inferred)
+    found = ph.predict_pressure(tree, [8.0], tube=ph.Tube(**given))
     expected = oracles.neo_hookean_pressure(20.0, 8.0, 7.0, outer)
     np.testing.assert_allclose(found["pressure"].item(), expected, rtol=ROUNDING)

@@ -46,9 +46,10 @@ def test_stresses_balance_pressure_and_axial_force(energy, parameters, tube):
         node, weight = np.linspace(-1, 1, 20001), np.full(20001, 1e-4)
         weight[[0, -1]] /= 2
     pressure = curve(energy, parameters, radii_of(tube)[3:], tube)
-    settings = {**tube, "energy": energy, "check": "ignore"}
-    stress = ph.wall_stress(tree, pressure, points=(1 + node) / 2, **settings)
-    a = ph.radius_at_pressure(tree, pressure, **settings)["radius"].values[0, 0]
+    at = ph.Conditions(pressure, tube=ph.Tube(**tube))
+    settings = {"energy": energy, "check": "ignore"}
+    stress = ph.wall_stress(tree, at, points=(1 + node) / 2, **settings)
+    a = ph.radius_at_pressure(tree, at, **settings)["radius"].values[0, 0]
     hoop = wall_integral(stress["sigma_tt"], stress, tube, weight / 2)
     tolerance = QUADRATURE if len(node) == 40 else 1e-6
     np.testing.assert_allclose(hoop, pressure * a, rtol=tolerance)
@@ -57,9 +58,10 @@ def test_stresses_balance_pressure_and_axial_force(energy, parameters, tube):
     )
     told = pytest.warns(UserWarning, match="the axial force is 0 .* whatever the parameters")
     with told if law_has_no_force(energy, tube) else nullcontext():
-        force = ph.predict_axial_force(tree, a, energy=energy, **tube)["axial_force"].values[0, 0]
+        force = ph.predict_axial_force(tree, a, tube=at.tube, energy=energy)
+    force = force["axial_force"].values[0, 0]
     np.testing.assert_allclose(axial, force + np.pi * a**2 * pressure, rtol=tolerance)
-    faces = ph.wall_stress(tree, pressure, points=2, **settings)["sigma_rr"][0, 0]
+    faces = ph.wall_stress(tree, at, points=2, **settings)["sigma_rr"][0, 0]
     scale = np.abs(stress["sigma_tt"]).max().item()
     np.testing.assert_allclose(faces[:, 0], -pressure, rtol=1e-10)
     np.testing.assert_allclose(faces[:, 1], 0.0, atol=1e-14 * scale)
@@ -83,7 +85,8 @@ def test_stresses_of_the_neo_hookean_tube_equal_their_closed_form(tube):
     tree = result(mu=[mu])
     a = radii_of(tube)[3]
     pressure = oracles.neo_hookean_pressure(mu, a, *tube.values())
-    stress = ph.wall_stress(tree, pressure, points=5, energy=ph.NeoHookean(), **tube)
+    at = ph.Conditions(pressure, tube=ph.Tube(**tube))
+    stress = ph.wall_stress(tree, at, points=5, energy=ph.NeoHookean())
     assert stress["sigma_rr"].dims == ("chain", "draw", "pressure", "position")
     assert {stress[name].attrs["units"] for name in stress} == {"kPa"}
     stress = stress.squeeze()

@@ -38,7 +38,8 @@ def page(tmp_path_factory):
     """Return the report of two classes and of a classification."""
     results = {"Classes": fitted_classes(), "New": classified()}
     folder = tmp_path_factory.mktemp("report")
-    return Page(ph.report(results, folder / "report.html", data={"Third": THIRD}))
+    in_mmhg = ph.Conditions(pressure_unit="mmHg")
+    return Page(ph.report(results, folder / "report.html", {"Third": THIRD}, at=in_mmhg))
 
 
 def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
@@ -83,10 +84,21 @@ def test_specimen_table_counts_points_and_gives_ranges(page):
     assert rows[3][headings.index("outer radius at rest (mm)")] == 9.0
 
 
+def test_properties_are_those_of_the_stated_tube(write_words):
+    """A report has the pressures, the unit and the tube of its conditions."""
+    tree = fitted_classes()["C2"]
+    at = ph.Conditions([4.0, 8.0], tube=ph.Tube(outer_radius=9.5), density=1000.0)
+    headings, rows = write_words(tree, at=at).table("Elastic properties")
+    assert "pressure (kPa)" in headings
+    expected = ph.tube_properties(tree, at)["pulse_wave_velocity"].median(("chain", "draw"))
+    found = [row[4] for row in rows if row[0] == "pulse wave velocity"]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
 def test_property_table_holds_the_numbers_of_tube_properties(page):
     _, rows = page.table("Elastic properties")
     tree = fitted_classes()["C2"]
-    properties = ph.tube_properties(tree, rows[-1][2], pressure_unit="mmHg")
+    properties = ph.tube_properties(tree, ph.Conditions(rows[-1][2], pressure_unit="mmHg"))
     for row in rows[-5:]:
         assert row[2] == rows[-1][2]
         (own,) = [v for v in properties.values() if v.attrs.get("long_name") == row[0]]
@@ -141,8 +153,7 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
     [
         ([], {}, "no results"),
         ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
-        (THIRD, {"pressure_unit": "mm"}, "pressure_unit"),
-        (THIRD, {"pressure": [-1.0]}, "pressure must be at least 0"),
+        (THIRD, {"at": [-1.0]}, "at states the pressure -1; expected at least 0"),
         (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
     ],
 )

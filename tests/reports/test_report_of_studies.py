@@ -17,7 +17,7 @@ from pymc_hyperelastic.reports.settings import priors_of_class
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
 NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)
 # One pressure, at which elastic properties are shown, is quicker than the default three.
-AT = {"pressure": [2.0], "pressure_unit": "kPa"}
+AT = {"at": [2.0]}
 
 
 def left_out():
@@ -48,7 +48,7 @@ def few_draws():
 def results():
     """Return all results of a study: classes, classification, comparisons, cross-validation."""
     variable, few = few_draws(), {"draws": 100, "random_seed": 1}
-    at = {"pressure": [1.0, 4.0], "bayes_factor": False}
+    at = {"at": [1.0, 4.0], "effect_prior": None}
     with pytest.warns(UserWarning, match="have no compliance there"):
         compliance = ph.compare_classes(variable, "compliance", **at, **few)
     compared = ph.compare_classes(variable, "mu", **few)
