@@ -100,10 +100,10 @@ def model_of(energy):
     tube = {"inner_radius": None, "outer_radius": None, **SECTOR}
     tube |= {"axial_stretch": AXIAL, "opening_angle": ANGLE, "measured": "outer_diameter"}
     data = ph.inflation_data(frame, **tube)
-    geometry = {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     priors = {p.name: pm.Normal.dist(0, 50) for p in energy.parameters}
+    priors |= {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     likelihood = ph.Gaussian(radius_sd=SIGMA / np.sqrt(2))
-    return ph.inflation_model(energy, data, likelihood, geometry=geometry, priors=priors)
+    return ph.inflation_model(energy, data, likelihood, priors=priors)
 
 
 def function_of(model):
