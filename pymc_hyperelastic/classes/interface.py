@@ -125,11 +125,7 @@ class ClassKind(ABC):
 
     def check_groups(self, groups: Groups) -> None:
         """Raise, naming the group, unless this kind can model the data of each group."""
-        for name, data in groups.items():
-            try:
-                self.check(data)
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"group {name!r}: {error}") from error
+        by_group(groups, self.check)
 
     @abstractmethod
     def fit(
@@ -177,6 +173,17 @@ class ClassKind(ABC):
             "distributions of the same material parameters. Use ph.plot_parameter_density to "
             "compare classes with variability"
         )
+
+
+def by_group[Result](groups: Groups, function: Callable[[xr.Dataset], Result]) -> dict[str, Result]:
+    """Return what a function of the data returns, by group; its errors name the group."""
+    results = {}
+    for name, data in groups.items():
+        try:
+            results[name] = function(data)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"group {name!r}: {error}") from error
+    return results
 
 
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> Estimate:

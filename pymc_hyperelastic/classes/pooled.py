@@ -22,6 +22,7 @@ from pymc_hyperelastic.classes.interface import (
     Prediction,
     Predictor,
     Seed,
+    by_group,
 )
 from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive, particles_of
 from pymc_hyperelastic.classes.signals import with_hybrids
@@ -146,13 +147,13 @@ class PooledClass(ClassKind):
         remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Sample the posterior of one class after the other, see ``ClassKind.fit``."""
-        models = {}
-        for name, data in groups.items():
-            try:
-                models[name] = self.model(data)
-                models[name].study.settings()
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"group {name!r}: {error}") from error
+
+        def checked_model(data: xr.Dataset) -> pm.Model:
+            model = self.model(data)
+            model.study.settings()
+            return model
+
+        models = by_group(groups, checked_model)
         seeds = seed.generate_state(len(models)).tolist()
         settings = {"draws": draws, "chains": chains, "progressbar": progressbar}
         return self._sampled(models, seeds, remember, **settings)

@@ -134,7 +134,7 @@ VALUE_ERRORS = [
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
-    (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']"),
+    (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']|'thickness'"),
     (lambda: potential(name="mu"), "mu|already"),
     (lambda: potential({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
