@@ -66,7 +66,7 @@ class Groups:
         if self.pairs and kind.variability.experiment_effect:
             raise ValueError(
                 "classes with an experiment effect cannot be compared in pairs: fit the classes "
-                "with experiment_effect=False, or leave out pair"
+                "with variability='specimen', or leave out pair"
             )
 
     @property
