@@ -60,7 +60,7 @@ SETTINGS = {
         force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
         force_offset_sd=20.0,
     ),
-    "geometry": {"thickness": ph.MeasuredValue()},
+    "priors": {"thickness": ph.MeasuredValue()},
     "variability": "specimen",
 }
 groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}

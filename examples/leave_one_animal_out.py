@@ -44,7 +44,7 @@ OUT.mkdir(parents=True, exist_ok=True)
 # The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
 # there the wall, which lies folded at rest, is unfolding.
 data, geometry = murine_tables.read()
-classes = {name: ph.select(data, group=name) for name in ("control", "elastase")}
+groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 
 # %%
@@ -58,20 +58,19 @@ settings = {
     "leave_out": animals,
     "random_seed": 1,
 }
-pooled = ph.calibration_report(
+pooled = ph.cross_validate(
     LAWS,
-    classes,
+    groups,
     ph.Gaussian(pressure_sd=2 * ph.mmHg),
-    variability="none",
-    priors=None,
+    variability=None,
     draws=DRAWS,
     **settings,
 )
-population = ph.calibration_report(
+population = ph.cross_validate(
     LAWS,
-    classes,
+    groups,
     ph.Gaussian(pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), np.log(10) / 2)),
-    experiment_effect=True,
+    variability=ph.Variability(experiment_effect=True),
     draws=DRAWS,
     **settings,
 )

@@ -61,22 +61,22 @@ shared = thickness.duplicated(keep=False)
 OF_BATCH, OF_ONE = thickness[~shared].std(), 0.02  # mm
 sd = [OF_BATCH if shared[name] else OF_ONE for name in data["specimen"].values]
 data = data.assign(thickness_sd=("test", sd))
-classes = {name: ph.select(data, group=name) for name in ("control", "elastase")}
+groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 
 # %%
 # The report
 # ----------
 FACTOR_TEN = np.log(10) / 2
-report = ph.calibration_report(
+report = ph.cross_validate(
     [getattr(ph, name)() for name in LAWS],
-    classes,
+    groups,
     ph.Gaussian(
         pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
         force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
         force_offset_sd=20.0,
     ),
-    geometry=None if KNOWN_THICKNESS else {"thickness": ph.MeasuredValue()},
+    priors=None if KNOWN_THICKNESS else {"thickness": ph.MeasuredValue()},
     leave_out=animals,
     draws=DRAWS,
     random_seed=1,

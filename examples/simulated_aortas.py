@@ -262,7 +262,7 @@ COORDINATES = {"strain and ratios of stresses": 20.0, "logarithms of moduli": No
 
 def learn(name: str) -> xr.DataTree:
     """Classes of both groups, in the coordinates with a stress of reference (kPa) or without."""
-    population = {"variability": "specimen", "reference_stress": COORDINATES[name]}
+    population = {"variability": ph.Variability(reference_stress=COORDINATES[name])}
     population |= {"draws": DRAWS, "chains": 2, "store": OUT / f"store of {name}"}
     return ph.fit_classes(LAW, training, LIKELIHOOD, **population, **settings)
 
@@ -404,8 +404,7 @@ for number, (group, own) in enumerate(studies):
         LAW,
         {group: ph.select(new, specimen=list(own))},
         LIKELIHOOD,
-        variability="specimen",
-        reference_stress=COORDINATES[better],
+        variability=ph.Variability(reference_stress=COORDINATES[better]),
         draws=DRAWS,
         chains=1,
         store=OUT / f"store of study {number}",

@@ -128,7 +128,7 @@ known = xr.Dataset(
 # -------------------------------
 # Both schemes see the same specimens and know the same errors, by their standard deviation.
 fitted, results = {}, {"true": known}
-for scheme, variability in {"variability": "specimen", "pooled": "none"}.items():
+for scheme, variability in {"variability": "specimen", "pooled": None}.items():
     print(f"{scheme}: fitting {len(training)} classes, classifying {NEW} specimens")
     fitted[scheme] = ph.fit_classes(
         ph.Ogden(),

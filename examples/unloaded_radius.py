@@ -84,11 +84,11 @@ def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
         energy,
         curve,
         ph.Gaussian(pressure_sd=pm.HalfNormal.dist(5 * ph.mmHg)),
-        geometry={
+        priors=LAWS[energy]
+        | {
             "inner_radius": pm.Uniform.dist(0.1, 0.5),
             "wall_area": pm.Normal.dist(area.mean(), area.std(ddof=1)),
         },
-        priors=LAWS[energy],
     )
     return ph.sample_smc(model, DRAWS, CHAINS, 1)
 

@@ -8,10 +8,10 @@ from importlib.metadata import version
 
 from pymc_hyperelastic.classes.classify import classify
 from pymc_hyperelastic.classes.compare_classes import compare_classes
+from pymc_hyperelastic.classes.cross_validate import cross_validate
 from pymc_hyperelastic.classes.divergence import kl_divergence
 from pymc_hyperelastic.classes.explain import explain_classification
 from pymc_hyperelastic.classes.fit import fit_classes
-from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.fit import fit_cohort
@@ -51,6 +51,7 @@ from pymc_hyperelastic.models.likelihoods import (
     inflation_likelihood,
 )
 from pymc_hyperelastic.models.population import population_model
+from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
 from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.plots.density import plot_parameter_density
@@ -100,6 +101,7 @@ __all__ = [
     "power_law_neo_hookean_model",
     "ogden_model",
     "criscione_model",
+    "Variability",
     "population_model",
     "sample_smc",
     "BatchedSMC",
@@ -124,7 +126,7 @@ __all__ = [
     "expected_information",
     "plan_study",
     "kl_divergence",
-    "calibration_report",
+    "cross_validate",
     "simulation_based_calibration",
     "score_probabilities",
     "fit_cohort",

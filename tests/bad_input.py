@@ -86,10 +86,10 @@ def plain_model() -> pm.Model:
     return plain
 
 
-def fit(classes=None, energy=OGDEN, likelihood=SLOPES, **settings) -> xr.DataTree:
-    classes = {"C1": curves(), "C2": curves()} if classes is None else classes
+def fit(groups=None, energy=OGDEN, likelihood=SLOPES, **settings) -> xr.DataTree:
+    groups = {"C1": curves(), "C2": curves()} if groups is None else groups
     few = {"draws": 50, "chains": 1, "progressbar": False}
-    return ph.fit_classes(energy, classes, likelihood, **{**few, **settings})
+    return ph.fit_classes(energy, groups, likelihood, **{**few, **settings})
 
 
 @cache

@@ -79,7 +79,8 @@ def test_covariate_that_is_constant_or_a_group():
 def test_design_at_the_unloaded_radius_cannot_be_done():
     """In none of 40 tubes, whose pressures at that radius are 0 but for rounding errors."""
     scale = SimpleNamespace(names=["mu"], numbers=lambda coordinates: {"mu": coordinates[0]})
-    kind = SimpleNamespace(scale=scale, experiment_effect=0, geometry={}, energy=ph.NeoHookean())
+    settings = {"geometry": {}, "energy": ph.NeoHookean(), "variability": ph.Variability()}
+    kind = SimpleNamespace(scale=scale, **settings)
     for inner in np.linspace(5.0, 9.0, 40):
         tube = {"inner_radius": inner, "outer_radius": inner + 2, "opening_angle": 0.0}
         test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, {}, "")

@@ -73,7 +73,7 @@ def main() -> None:
         LAW,
         {name: ph.select(training, group=name) for name in GROUPS},
         ph.Gaussian(pressure_sd=NOISE),
-        variability="specimen" if args.kind == "variable" else "none",
+        variability="specimen" if args.kind == "variable" else None,
         draws=1000,
         chains=2,
         random_seed=1,

@@ -180,8 +180,7 @@ def fit(study, training, noise, seed):
         LAWS[study.law][0],
         training,
         pressure_sd,
-        variability="specimen",
-        experiment_effect=study.effect,
+        variability=ph.Variability(experiment_effect=study.effect),
         random_seed=seed,
         progressbar=False,
     )

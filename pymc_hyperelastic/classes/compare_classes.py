@@ -18,10 +18,10 @@ from scipy.special import expit, logsumexp
 from pymc_hyperelastic.classes.average import Laws, labels_of, laws_of
 from pymc_hyperelastic.classes.differences import by_draw, differences, interval, summary
 from pymc_hyperelastic.classes.groups import Groups, groups_of, kind_of_groups
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.joint import Apart
 from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities, unit_of
 from pymc_hyperelastic.classes.sensitivity import power_scaling
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -272,7 +272,7 @@ def _fits(classes: Classes) -> list[xr.DataTree]:
     return trees
 
 
-def check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None:
+def check_quantities(names: Sequence[str], kinds: Sequence[HierarchicalClass]) -> None:
     """Raise unless the names are distinct quantities of classes of every kind."""
     if not names or len(set(names)) < len(names):
         raise ValueError(f"quantity must be one or several different names; got {list(names)}")
@@ -326,7 +326,7 @@ def _warn_of_lacking(result: xr.Dataset) -> None:
 
 
 def _spreads(
-    kind: Variability, distributions: Mapping[str, ClassDistribution], ci_prob: float
+    kind: HierarchicalClass, distributions: Mapping[str, ClassDistribution], ci_prob: float
 ) -> xr.Dataset:
     """Return posterior and prior of the spread between specimens in each coordinate."""
     spread = np.stack([np.asarray(d.spread)[..., 0] for d in distributions.values()])

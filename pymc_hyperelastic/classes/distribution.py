@@ -5,24 +5,23 @@ the class is small. Classes with variability and joint fits of groups use this m
 """
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
 from pymc_hyperelastic.classes.checks import CHECKS_OF_SPECIMENS
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
-from pymc_hyperelastic.classes.specimens import (
-    PARTICLES,
-    SpecimenSampler,
-    class_model,
-    shared_draws,
-)
+from pymc_hyperelastic.classes.specimens import PARTICLES, SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import (
@@ -41,7 +40,7 @@ from pymc_hyperelastic.evidence.verdicts import registered_checks
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density, stacked
 
 Array = NDArray[np.float64]
 
@@ -80,6 +79,32 @@ _DRAWS_PER_PARTICLE = 4
 Specimens = Mapping[str, SpecimenDraws]
 
 registered_checks.append(CHECKS_OF_SPECIMENS)
+
+
+def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable]:
+    """Return the draws of all specimens of a class as shared variables, whose values may change.
+
+    All specimens must have the same number of draws.
+    """
+    return {
+        name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
+        for name, value in stacked([*specimens]).items()
+    }
+
+
+@without_traces
+def class_model(population: Population, shared: Mapping[str, SharedVariable]) -> pm.Model:
+    """Return the PyMC model of a class distribution, with its specimens integrated out.
+
+    The likelihood of each specimen is a weighted sum over its draws, which may be replaced.
+    """
+    names = population.scale.names
+    with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
+        distribution = population.register_class()
+        inputs = dict(shared) | {"tests": pt.specify_broadcastable(shared["tests"], 1)}
+        terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
+        pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))
+    return model
 
 
 class ClassDraws(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.classes.interface import ClassKind, Data
+from pymc_hyperelastic.classes.interface import Groups
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_settings
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
@@ -19,29 +19,26 @@ from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import PACKAGE
-from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.parallel import one_thread
 
 
 @one_thread
 def fit_classes(
     energy: StrainEnergy | Sequence[Layer],
-    classes: Mapping[str, xr.Dataset],
+    groups: Mapping[str, xr.Dataset],
     likelihood: Likelihood | Any,
     *,
     priors: dict[str, Any] | None = None,
-    geometry: Mapping[str, MeasuredValue] | None = None,
-    variability: Literal["none", "specimen"] = "none",
-    experiment_effect: bool = False,
-    reference_stress: float | None = 20.0,
+    variability: Variability | Literal["specimen"] | None = None,
     draws: int = 2000,
     chains: int = 4,
     random_seed: Any = None,
     progressbar: bool = True,
     store: str | Path | None = None,
 ) -> xr.DataTree:
-    """Sample the posterior of each class from its training experiments.
+    """Sample the posterior of one class for each group of training experiments.
 
     All models are built, and so all input is checked, before the first class is sampled.
 
@@ -57,23 +54,19 @@ def fit_classes(
     energy : StrainEnergy or list of Layer
         The strain energy, such as ``ph.Ogden()``. With variability it may be the list of layers of
         the wall from the inside out, see :func:`~pymc_hyperelastic.population_model`.
-    classes : dict of str to xarray.Dataset
-        Training data of each class by its name.
+    groups : dict of str to xarray.Dataset
+        Training data by the name of the group, which is also that of its class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
         The measured quantities and their errors, which all classes share, see
         :class:`~pymc_hyperelastic.Gaussian` and :class:`~pymc_hyperelastic.SlopeAugmented`. A
         number or a distribution alone is the standard deviation of a pressure, kPa.
     priors : dict of str to distribution, optional
         Priors of the material parameters, see :func:`pymc_hyperelastic.inflation_model`. With
-        variability, priors of the class distribution, see
-        :func:`~pymc_hyperelastic.population_model`.
-    geometry : dict of str to MeasuredValue, optional
-        Measures of the tube that have an error, which differs between specimens, see
-        :func:`~pymc_hyperelastic.population_model`; only with variability.
-    variability : {"none", "specimen"}
-        Whether the specimens of a class have different parameters (``"specimen"``).
-    experiment_effect, reference_stress
-        See :func:`~pymc_hyperelastic.population_model`; only with variability.
+        variability, priors of the class distribution, and measures of the tube that have an error,
+        see :func:`~pymc_hyperelastic.population_model`.
+    variability : Variability or "specimen", optional
+        How the specimens of a class differ; ``"specimen"`` is short for ``ph.Variability()``. By
+        default all specimens of a class share one material.
     draws, chains, random_seed, progressbar
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
@@ -100,7 +93,7 @@ def fit_classes(
     Raises
     ------
     TypeError, ValueError
-        If there are no classes, if data, priors or numbers are invalid, or if no class can be
+        If there are no groups, if data, priors or numbers are invalid, or if no class can be
         fitted.
 
     Warns
@@ -111,7 +104,7 @@ def fit_classes(
 
     See Also
     --------
-    classify, compare_classes
+    Variability, classify, compare_classes
 
     Examples
     --------
@@ -135,22 +128,24 @@ def fit_classes(
     >>> list(hierarchical.children)
     ['C1', 'C2']
     """
-    check_classes(classes)
-    kind = kind_of_settings(
-        variability,
-        energy,
-        likelihood,
-        priors=priors,
-        geometry=geometry,
-        experiment_effect=experiment_effect,
-        reference_stress=reference_stress,
-    )
+    check_groups(groups)
+    kind = kind_of_settings(energy, likelihood, priors, variability)
     seed = seed_kept(random_seed, store)
-    remember = remembering(store, lambda: _manifest(kind, classes, seed, draws, chains))
+    remember = remembering(
+        store,
+        lambda: manifest_of(
+            "fit_classes",
+            groups,
+            seed,
+            settings=asdict(kind.settings()),
+            draws=draws,
+            chains=chains,
+        ),
+    )
     tree = xr.DataTree.from_dict({})
     failed: dict[str, Exception] = {}
     try:
-        for name, fitted in kind.fit(classes, draws, chains, seed, progressbar, remember):
+        for name, fitted in kind.fit(groups, draws, chains, seed, progressbar, remember):
             if isinstance(fitted, Exception):
                 failed[name] = fitted
                 continue
@@ -161,7 +156,7 @@ def fit_classes(
         if not tree.children or store is not None:
             raise
     missing = {
-        name: str(failed.get(name, "interrupted")) for name in classes if name not in tree.children
+        name: str(failed.get(name, "interrupted")) for name in groups if name not in tree.children
     }
     for name, why in missing.items():
         message = f"class {name!r} is not fitted: {why}"
@@ -175,38 +170,35 @@ def fit_classes(
     return tree
 
 
-def _manifest(
-    kind: ClassKind, classes: Data, seed: np.random.SeedSequence, draws: int, chains: int
+def manifest_of(
+    work: str, groups: Groups, seed: np.random.SeedSequence, **settings: Any
 ) -> dict[str, Any]:
-    """Return everything that fitted classes depend on, for the manifest of a store."""
-    return {
-        "work": "fit_classes",
-        "settings": asdict(kind.settings()),
-        "draws": draws,
-        "chains": chains,
-        "random_seed": seed.entropy,
-        "data": digests_of(classes),
-    }
+    """Return everything that the result of a function depends on, for the manifest of a store.
+
+    `work` is the name of the function, and `settings` are all that change its numbers.
+    """
+    seed_and_data = {"random_seed": seed.entropy, "data": digests_of(groups)}
+    return {"work": work} | settings | seed_and_data
 
 
-def check_classes(classes: Any) -> None:
-    """Raise unless `classes` is a dict of data by class name, with names that can be stored."""
+def check_groups(groups: Any) -> None:
+    """Raise unless `groups` is a dict of data by group name, with names that can be stored."""
     # A Dataset or DataTree is a Mapping too.
-    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
+    if not isinstance(groups, Mapping) or isinstance(groups, xr.Dataset | xr.DataTree):
         raise TypeError(
-            'classes must be a dict of training data by class name, such as {"C1": data}, not '
-            f"{type(classes).__name__}"
+            'groups must be a dict of training data by group name, such as {"C1": data}, not '
+            f"{type(groups).__name__}"
         )
-    if not classes:
-        raise ValueError("classes is {}; expected a dict of training data by class name")
-    for name in classes:
+    if not groups:
+        raise ValueError("groups is {}; expected a dict of training data by group name")
+    for name in groups:
         if not isinstance(name, str) or not name or "/" in name or name in (".", ".."):
             raise ValueError(
-                f"the name of a class is {name!r}; expected text that is not empty, has no '/', "
+                f"the name of a group is {name!r}; expected text that is not empty, has no '/', "
                 "and is not '.' or '..'"
             )
         if found := forbidden_character(name):
             raise ValueError(
-                f"the name of the class {name!r} has the character {found!a}, which cannot be "
+                f"the name of the group {name!r} has the character {found!a}, which cannot be "
                 "written to a file: remove it"
             )

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.covariates import Covariates, pairs_of
 from pymc_hyperelastic.classes.distribution import ClassModel
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.joint import Apart, Joint, Unit, unit_of_pair, unit_of_specimen
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import standard_specimens
 from pymc_hyperelastic.classes.sensitivity import log_prior_and_likelihood
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
@@ -54,7 +54,7 @@ class Groups:
 
     def __init__(
         self,
-        kind: Variability,
+        kind: HierarchicalClass,
         tree: xr.DataTree,
         groups: Sequence[str],
         pair: Any,
@@ -63,10 +63,10 @@ class Groups:
         self.kind, self.groups, self.tree = kind, list(groups), tree
         self.covariates = Covariates(tree, covariates)
         self.pairs = pairs_of(tree, pair) if pair is not None else []
-        if self.pairs and kind.experiment_effect:
+        if self.pairs and kind.variability.experiment_effect:
             raise ValueError(
                 "classes with an experiment effect cannot be compared in pairs: fit the classes "
-                "with experiment_effect=False, or leave out pair"
+                "with variability='specimen', or leave out pair"
             )
 
     @property
@@ -192,7 +192,7 @@ def _of_pairs(
     return GroupDraws(distributions, coordinates, powers, effects)
 
 
-def kind_of_groups(tree: xr.DataTree) -> Variability:
+def kind_of_groups(tree: xr.DataTree) -> HierarchicalClass:
     """Return the kind of the classes; ValueError unless it models variability of specimens."""
     return kind_of_variable_classes(
         tree, "groups are compared by the distributions of their specimens"

@@ -1,7 +1,7 @@
 """Interface of the kinds of classes, and the types of their results.
 
 Fitting, classification, cross-validation and comparison use the interface; ``pooled`` and
-``variable`` implement it.
+``hierarchical`` implement it.
 """
 
 from abc import ABC, abstractmethod
@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.evidence.diagnosis import log_evidence
+from pymc_hyperelastic.evidence.diagnosis import log_evidence, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.keeping import Remember, compute_now
 from pymc_hyperelastic.models.settings import ModelSettings
@@ -58,9 +58,14 @@ class Fold(NamedTuple):
     predictions: dict[str, list[Prediction]]
     """Predictions of each specimen by its name, one for each class."""
 
+    @classmethod
+    def of(cls, fitted: Mapping[str, xr.DataTree], predictions: dict[str, Any]) -> "Fold":
+        """Return the predictions by fitted classes, with their evidence and its verdict."""
+        return cls(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
-# Data, and fitted results, by the name of the class.
-Data = Mapping[str, xr.Dataset]
+
+# Data by the name of the group, and fitted results by the name of the class, which is the same.
+Groups = Mapping[str, xr.Dataset]
 Fitted = Mapping[str, xr.DataTree]
 Seed = np.random.SeedSequence
 Predictor = Callable[[xr.Dataset, Seed], list[Prediction]]
@@ -73,8 +78,8 @@ class ClassKind(ABC):
     kind is a subclass and an entry in :mod:`pymc_hyperelastic.classes.kinds`.
     """
 
-    #: Value of the argument ``variability`` that selects this kind.
-    variability: ClassVar[str]
+    #: Name of this kind in stored settings, see ``ModelSettings.variability``.
+    stored_as: ClassVar[str]
     #: True if a prediction has a p-value.
     has_p_value: ClassVar[bool]
     #: True if a new specimen is modelled as a new draw from the class distribution.
@@ -92,26 +97,6 @@ class ClassKind(ABC):
     def in_words(self) -> str:
         """Words for labels that distinguish kinds with the same law in an average over laws."""
         return ""
-
-    @classmethod
-    @abstractmethod
-    def of_settings(
-        cls,
-        energy: Any,
-        likelihood: Any,
-        *,
-        priors: Any = None,
-        geometry: Any = None,
-        experiment_effect: bool = False,
-        reference_stress: float | None = 20.0,
-    ) -> Self:
-        """Return the kind from arguments of :func:`~pymc_hyperelastic.fit_classes`.
-
-        Raises
-        ------
-        ValueError
-            If an argument that the kind does not use differs from its default.
-        """
 
     @classmethod
     @abstractmethod
@@ -138,18 +123,14 @@ class ClassKind(ABC):
     def check(self, data: xr.Dataset) -> None:
         """Raise TypeError or ValueError unless this kind can model these data."""
 
-    def check_classes(self, classes: Data) -> None:
-        """Raise, naming the class, unless this kind can model the data of each class."""
-        for name, data in classes.items():
-            try:
-                self.check(data)
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"class {name!r}: {error}") from error
+    def check_groups(self, groups: Groups) -> None:
+        """Raise, naming the group, unless this kind can model the data of each group."""
+        by_group(groups, self.check)
 
     @abstractmethod
     def fit(
         self,
-        classes: Data,
+        groups: Groups,
         draws: int,
         chains: int,
         seed: Seed,
@@ -173,12 +154,12 @@ class ClassKind(ABC):
 
     @abstractmethod
     def leave_out(
-        self, classes: Data, seed: Seed, remember: Remember = compute_now
-    ) -> Callable[[Collection[str], int, int], Fold]:
+        self, groups: Groups, seed: Seed, remember: Remember = compute_now
+    ) -> Callable[[Collection[str], int], Fold]:
         """Return a function that fits the classes without some specimens, and predicts these.
 
-        The function takes the names of the specimens, and the numbers of draws and chains.
-        Computations that all folds share are done here. A fold does not depend on other folds.
+        The function takes the names of the specimens and the number of draws. Computations that
+        all folds share are done here. A fold does not depend on other folds.
         """
 
     @abstractmethod
@@ -192,6 +173,17 @@ class ClassKind(ABC):
             "distributions of the same material parameters. Use ph.plot_parameter_density to "
             "compare classes with variability"
         )
+
+
+def by_group[Result](groups: Groups, function: Callable[[xr.Dataset], Result]) -> dict[str, Result]:
+    """Return what a function of the data returns, by group; its errors name the group."""
+    results = {}
+    for name, data in groups.items():
+        try:
+            results[name] = function(data)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"group {name!r}: {error}") from error
+    return results
 
 
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> Estimate:

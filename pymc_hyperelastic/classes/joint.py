@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 from scipy import linalg
 
-from pymc_hyperelastic.classes.distribution import fit_enough
+from pymc_hyperelastic.classes.distribution import fit_enough, shared_draws
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_shares
-from pymc_hyperelastic.classes.specimens import shared_draws
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC

@@ -1,14 +1,14 @@
 """Find the kind of class for arguments of a user, or for fitted classes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.interface import ClassKind
-from pymc_hyperelastic.classes.pooled import Pooled
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.pooled import PooledClass
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.stored import reading
@@ -20,21 +20,22 @@ from pymc_hyperelastic.predictions.measured import warn_user
 
 #: Attribute of fitted classes: JSON of the reasons why others were not fitted, by class name.
 MISSING = "missing_classes"
-# Kinds of classes by the value of the argument ``variability``.
-_KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
+# Kinds of classes by their names in stored settings.
+_KINDS: dict[str, type[PooledClass] | type[HierarchicalClass]] = {
+    kind.stored_as: kind for kind in (PooledClass, HierarchicalClass)
+}
 
 
 def kind_of_settings(
-    variability: Any,
     energy: StrainEnergy | Sequence[Layer],
     likelihood: Likelihood | Any,
-    **settings: Any,
+    priors: Mapping[str, Any] | None,
+    variability: Any,
 ) -> ClassKind:
     """Return the kind of class for arguments of :func:`~pymc_hyperelastic.fit_classes`."""
-    if variability not in _KINDS:
-        names = " or ".join(map(repr, _KINDS))
-        raise ValueError(f"variability must be {names}, not {variability!r}")
-    return _KINDS[variability].of_settings(energy, likelihood, **settings)
+    if variability is None:
+        return PooledClass.of_settings(energy, likelihood, priors)
+    return HierarchicalClass.of_settings(energy, likelihood, priors, variability)
 
 
 def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
@@ -89,7 +90,7 @@ def _settings_of(name: str, fitted: xr.DataTree) -> ModelSettings:
     return settings
 
 
-def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
+def kind_of_variable_classes(classes: xr.DataTree, why: str) -> HierarchicalClass:
     """Return the kind of fitted classes with variability.
 
     Raises
@@ -103,7 +104,7 @@ def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
         If the evidence of a class has no finite error: its distribution is then unreliable too.
     """
     kind = kind_of_classes(classes)
-    if not isinstance(kind, Variability):
+    if not isinstance(kind, HierarchicalClass):
         raise ValueError(f"{why}: fit the classes with variability='specimen'")
     for name, fitted in classes.children.items():
         if not np.isfinite(log_evidence(fitted).standard_error):

@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
@@ -70,7 +70,7 @@ def standard_specimens(size: int, count: int) -> Array:
     return np.concatenate([np.zeros((1, size)), points])
 
 
-def known_quantities(kind: Variability) -> list[str]:
+def known_quantities(kind: HierarchicalClass) -> list[str]:
     """Return the names of coordinates, parameters and properties of specimens of a class."""
     values = kind.scale.numbers([np.zeros(1) for _ in kind.scale.names])
     parameters = [
@@ -81,7 +81,7 @@ def known_quantities(kind: Variability) -> list[str]:
     return [*kind.scale.names, *parameters, *PROPERTIES]
 
 
-def unit_of(name: str, kind: Variability) -> str | None:
+def unit_of(name: str, kind: HierarchicalClass) -> str | None:
     """Return the unit of a quantity or of its logarithm; None if the name is unknown."""
     available = known_quantities(kind)
     bare = name if name in available else name.removeprefix(_LOG_PREFIX)
@@ -92,13 +92,13 @@ def unit_of(name: str, kind: Variability) -> str | None:
     return unit_text(IN_RESULTS[bare].unit) if bare in PROPERTIES else ""
 
 
-def is_logarithm(name: str, kind: Variability) -> bool:
+def is_logarithm(name: str, kind: HierarchicalClass) -> bool:
     """Return True for quantities on a log scale, which have no ratio."""
     return name in kind.scale.names or name not in known_quantities(kind)
 
 
 def values_of(
-    kind: Variability, coordinates: Array, names: Sequence[str], at: Conditions
+    kind: HierarchicalClass, coordinates: Array, names: Sequence[str], at: Conditions
 ) -> dict[str, Array]:
     """Return quantities of specimens by name, each of shape (pressure, draw, specimen).
 
@@ -122,7 +122,7 @@ def values_of(
 
 
 def _properties(
-    kind: Variability,
+    kind: HierarchicalClass,
     parameters: Mapping[str, Array],
     wanted: Sequence[str],
     at: Conditions,

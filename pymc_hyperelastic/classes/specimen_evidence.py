@@ -16,6 +16,7 @@ from pymc_hyperelastic.evidence.importance import ENOUGH, LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
     log_densities,
@@ -42,6 +43,12 @@ _FEWEST_DRAWS = 200
 _HYBRID_DISTRIBUTIONS = 250
 # Standard deviations of a reference distribution, in those of a new specimen of the class.
 _REFERENCE_WIDTH = 1.5
+
+
+def parts_of(population: Population) -> tuple[str, ...]:
+    """Return the parts that the distribution of these specimens has, see ``PARTS``."""
+    has = {"experiments": population.variability.experiment_effect, "noise": population.noises}
+    return tuple(part for part in PARTS if has.get(part, True))
 
 
 def variance_of_specimen(

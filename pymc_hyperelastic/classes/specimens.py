@@ -1,4 +1,4 @@
-"""Sample single specimens, and build the model of a class from the draws.
+"""Sample single specimens.
 
 The evidence of a class with variability is an integral over the parameters of all its specimens.
 Each specimen is therefore sampled once, under a wide reference distribution. The likelihood of the
@@ -8,23 +8,21 @@ classes and predictions for new specimens use this module.
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pymc as pm
-import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pymc.distributions.distribution import support_point
-from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.tensor.variable import TensorVariable
-from scipy import stats
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.classes.reference import ClassPrior, one_draw
 from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTarget
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
@@ -47,12 +45,7 @@ from pymc_hyperelastic.models.population import (
     register_specimens,
     tube_of,
 )
-from pymc_hyperelastic.models.specimen_draws import (
-    SpecimenDraws,
-    log_density,
-    mean_density,
-    stacked,
-)
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
 Array = NDArray[np.float64]
 
@@ -62,14 +55,6 @@ PARTICLES = 2000
 _KEPT_FRACTION = 0.25
 # Number of particles whose curves are compared with quadrature.
 _CHECKED_MATERIALS = 16
-# Spread of the coordinates in the reference distribution, in prior medians of a class's spread.
-_REFERENCE_WIDTH = 2.0
-# Spread of the log scale of the experiment effect in the reference distribution.
-_REFERENCE_EFFECT_SPREAD = 1.0
-# Least spread of the log size of an error in the reference distribution.
-_LEAST_NOISE_SPREAD = 0.5
-# Number of prior draws from which the mean and the spread of the log size of an error are computed.
-_NOISE_DRAWS = 2000
 
 
 # An integral over the parameters of a specimen, and its target density.
@@ -240,9 +225,9 @@ class SpecimenSampler:
         functions = model.log_likelihood, model.misfits
         return SpecimenTarget(model.whole, self._places(model.whole), prior, *functions)
 
-    def prior(self, distributions: ClassDistribution, tests: int) -> "ClassPrior":
+    def prior(self, distributions: ClassDistribution, tests: int) -> ClassPrior:
         """Return the prior of a specimen of a class with a given number of tests."""
-        return ClassPrior(self, distributions, tests)
+        return ClassPrior(self.population, distributions, tests, self.points_of, self.draws_at)
 
     def simulator(
         self, data: xr.Dataset, seed: int
@@ -371,55 +356,6 @@ class SpecimenSampler:
         return pt.where(pt.isinf(total), np.nan, total)
 
 
-class ClassPrior:
-    """Prior of a specimen and its tube: the mean density over draws of a class distribution.
-
-    Parameters
-    ----------
-    sampler : SpecimenSampler
-        Sampler of the specimen, which has its settings and its model.
-    distributions : ClassDistribution
-        Posterior draws of the class distribution.
-    tests : int
-        Number of tests of the specimen.
-    """
-
-    def __init__(
-        self, sampler: SpecimenSampler, distributions: ClassDistribution, tests: int
-    ) -> None:
-        self._sampler, self._distributions, self._tests = sampler, distributions, tests
-
-    def draw(self, count: int, rng: np.random.Generator) -> Array:
-        """Draw points, shape (count, d)."""
-        distributions = self._distributions
-        chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
-        fresh = fresh_specimens(self._sampler.population, chosen, self._tests, rng)
-        return self._sampler.points_of(fresh)
-
-    def log_density(self, points: Array) -> Array:
-        """Return the log density of points."""
-        deviations = points[:, points.shape[1] - len(self._sampler.population.geometry) :]
-        return self.of_class(points) + stats.norm.logpdf(deviations).sum(axis=1)
-
-    def of_class(self, points: Array) -> Array:
-        """Return the log density without the prior of the tube, which all classes share."""
-        return mean_density(self._sampler.draws_at(points), self._distributions)
-
-
-def one_draw(distribution: ClassDistribution) -> ClassDistribution:
-    """Add an axis of length one for draws to the values of a class distribution."""
-    d = distribution
-    vectors = "location", "spread", "experiment_spread", "log_size", "noise_spread"
-    changes: dict[str, Any] = {
-        name: np.asarray(getattr(d, name), float)[:, None, None]
-        for name in vectors
-        if getattr(d, name) is not None
-    }
-    if d.effect_spread is not None:
-        changes["effect_spread"] = np.full((1, 1), float(np.squeeze(d.effect_spread)))
-    return replace(d, factor=np.asarray(d.factor)[None], **changes)
-
-
 def _weighted(
     draws: SpecimenDraws, log_density: Array, standard_error: float, found: Integral
 ) -> SpecimenDraws:
@@ -434,70 +370,3 @@ def _weighted(
         method=found.method,
         pareto_k=found.pareto_k,
     )
-
-
-def reference_of(population: Population) -> ClassDistribution:
-    """Return the reference: the prior of a specimen of an unknown class, made wider."""
-    mean, sd = population.scale.location_prior
-    spread = _REFERENCE_WIDTH * np.exp(population.scale.spread_prior[0])
-    optional: dict[str, Any] = {}
-    if population.experiment_effect:
-        optional |= {"experiment_spread": spread / 2, "effect_spread": _REFERENCE_EFFECT_SPREAD}
-    inferred = [population.likelihood.sizes[name] for name in population.noises]
-    if inferred:
-        drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
-        logs = np.log(drawn)
-        spreads = np.hypot(logs.std(axis=1), _LEAST_NOISE_SPREAD)
-        optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
-    return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
-
-
-def fresh_specimens(
-    population: Population,
-    distributions: ClassDistribution,
-    tests: int,
-    rng: np.random.Generator,
-) -> dict[str, Array]:
-    """Draw one new specimen of each distribution; return (draw, entry) by variable name."""
-    count, names = len(distributions.location[0]), population.scale.names
-
-    def noise(entries: int = 1) -> Array:
-        return rng.standard_normal((count, entries))
-
-    standard = np.stack([noise() for _ in names], axis=1)
-    draws = dict(zip(names, distributions.coordinates(standard), strict=True))
-    if distributions.experiment_spread is not None:
-        draws["log_effect"] = distributions.effect_spread * noise()
-        for i, name in enumerate(names):
-            within = distributions.experiment_spread[i] * np.exp(draws["log_effect"])
-            draws[f"{name}_of_test"] = draws[name] + within * noise(tests)
-    for i, name in enumerate(population.noises):
-        logs = distributions.log_size[i] + distributions.noise_spread[i] * noise()
-        draws[log_noise_name(name)] = logs
-    return draws | {deviation_name(name): noise() for name in population.geometry}
-
-
-def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable]:
-    """Return the draws of all specimens of a class as shared variables, whose values may change.
-
-    All specimens must have the same number of draws.
-    """
-    return {
-        name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
-        for name, value in stacked([*specimens]).items()
-    }
-
-
-@without_traces
-def class_model(population: Population, shared: Mapping[str, SharedVariable]) -> pm.Model:
-    """Return the PyMC model of a class distribution, with its specimens integrated out.
-
-    The likelihood of each specimen is a weighted sum over its draws, which may be replaced.
-    """
-    names = population.scale.names
-    with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
-        distribution = population.register_class()
-        inputs = dict(shared) | {"tests": pt.specify_broadcastable(shared["tests"], 1)}
-        terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
-        pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))
-    return model

@@ -4,18 +4,23 @@ Classification and cross-validation call the checks: a class always fits its own
 """
 
 import warnings
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import describe_test, measured_radius
+from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import inflation_data_of
 
 # Decimals to which points, in kPa and mm, are compared: converting units, or writing a file, may
 # change the last digits of a number.
 _DECIMALS = 9
+
+# Rounded radius and pressure, by which points are compared.
+Point = tuple[float, ...]
+# Data, and the index of a test, that hold a point: by the point, and by a label of the holder.
+Held = dict[Point, dict[str, tuple[xr.Dataset, int]]]
 
 
 def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: bool) -> None:
@@ -37,14 +42,23 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
     """
     specimens = new_data["specimen"].values.astype(str)
     training_specimens: dict[str, list[str]] = {}
+    held: Held = {}
     for name, fitted in classes.items():
         if "constant_data" not in fitted.children:
             continue
         training = inflation_data_of(fitted)
-        _check_points(new_data, training, name)
+        _add_points(held, training, [name] * training.sizes["test"])
         again = np.isin(specimens, training["specimen"].values.astype(str))
         if again.any():
             training_specimens[name] = list(dict.fromkeys(specimens[again].tolist()))
+    for test, copies in _copies(new_data, held):
+        for name, (training, other) in copies.items():
+            raise ValueError(
+                f"{describe_test(new_data, test)}: these measurements are in the training data of "
+                f"class {name!r}, as {describe_test(training, other)}. The class was fitted to "
+                "them, and would always be favoured: leave them out of ph.fit_classes, or use "
+                "ph.cross_validate, which leaves out one specimen after the other"
+            )
     if training_specimens and fresh:
         names = " and ".join(f"{n} of class {name!r}" for name, n in training_specimens.items())
         warnings.warn(
@@ -56,47 +70,45 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
         )
 
 
-def _check_points(new_data: xr.Dataset, training: xr.Dataset, name: str) -> None:
-    """Raise, naming specimen and class, if all points of a test are in the training data."""
-    test_of_point = dict(zip(_points(training), training["test"].values.tolist(), strict=True))
-    tests = [test_of_point.get(point) for point in _points(new_data)]
-    in_training = np.array([test is not None for test in tests])
-    for test in range(new_data.sizes["test"]):
-        of_test = np.flatnonzero(new_data["test"].values == test)
-        if in_training[of_test].all():
-            place = describe_test(training, int(tests[of_test[0]] or 0))
-            raise ValueError(
-                f"{describe_test(new_data, test)}: these measurements are in the training data of "
-                f"class {name!r}, as {place}. The class was fitted to them, and would always be "
-                "favoured: leave them out of ph.fit_classes, or use ph.calibration_report, which "
-                "leaves out one specimen after the other"
-            )
-
-
-def check_left_out(classes: Mapping[str, xr.Dataset], units: Mapping[str, Hashable]) -> None:
+def check_left_out(groups: Mapping[str, xr.Dataset], units: Mapping[str, Hashable]) -> None:
     """Raise if a test of a specimen is also in the data of a specimen of another unit.
 
     `units` gives the unit of each specimen; the specimens of a unit are left out together.
     """
-    holders: dict[tuple[float, ...], set[str]] = {}
-    for data in classes.values():
-        of_point = data["specimen"].values[data["test"].values].tolist()
-        for point, specimen in zip(_points(data), of_point, strict=True):
-            holders.setdefault(point, set()).add(specimen)
-    for data in classes.values():
-        points, test = _points(data), data["test"].values
-        for i, specimen in enumerate(data["specimen"].values.tolist()):
-            copies = set.intersection(*(holders[points[j]] for j in np.flatnonzero(test == i)))
-            others = sorted(s for s in copies if units[s] != units[specimen])
+    held: Held = {}
+    for data in groups.values():
+        _add_points(held, data, data["specimen"].values.tolist())
+    for data in groups.values():
+        for test, copies in _copies(data, held):
+            unit = units[data["specimen"].values[test]]
+            others = sorted(specimen for specimen in copies if units[specimen] != unit)
             if others:
                 raise ValueError(
-                    f"{describe_test(data, i)}: these measurements are listed under the specimen "
-                    f"{others[0]!r} as well, so that classes would be fitted to data that are left "
-                    "out: drop one of the specimens, or leave both out together with leave_out"
+                    f"{describe_test(data, test)}: these measurements are listed under the "
+                    f"specimen {others[0]!r} as well, so that classes would be fitted to data that "
+                    "are left out: drop one of the specimens, or leave both out together with "
+                    "leave_out"
                 )
 
 
-def _points(data: xr.Dataset) -> list[tuple[float, ...]]:
-    """Return the rounded radius and pressure of each point, by which points are compared."""
+def _add_points(held: Held, data: xr.Dataset, labels: Sequence[str]) -> None:
+    """Add all points of the data, each with the label of its test."""
+    for point, test in zip(_points(data), data["test"].values.tolist(), strict=True):
+        held.setdefault(point, {})[labels[test]] = data, test
+
+
+def _copies(
+    data: xr.Dataset, held: Held
+) -> Iterator[tuple[int, dict[str, tuple[xr.Dataset, int]]]]:
+    """For each test, yield the labels that hold all its points, and where they hold the first."""
+    points = _points(data)
+    for test in range(data.sizes["test"]):
+        first, *others = [held.get(point, {}) for point in points[points_of(data, test)]]
+        in_all = set(first).intersection(*others)
+        yield test, {label: place for label, place in first.items() if label in in_all}
+
+
+def _points(data: xr.Dataset) -> list[Point]:
+    """Return the rounded radius and pressure of each point."""
     measured = np.stack([measured_radius(data).values, data["pressure"].values], axis=1)
     return [tuple(point) for point in np.round(measured.astype(float), _DECIMALS).tolist()]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f
 
-from pymc_hyperelastic.classes.specimens import fresh_specimens
+from pymc_hyperelastic.classes.reference import fresh_specimens
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws

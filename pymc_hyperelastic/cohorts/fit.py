@@ -28,14 +28,13 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
-from pymc_hyperelastic.models.geometry import MeasuredValue, check_geometry
+from pymc_hyperelastic.models.geometry import MeasuredValue, complete_unknowns, split_by_owner
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.likelihoods import (
     Likelihood,
     as_likelihood,
 )
 from pymc_hyperelastic.models.priors import (
-    complete_wall,
     prior_from_record,
     prior_to_record,
     priors_from_records,
@@ -96,16 +95,12 @@ class Fitting(Work):
     @property
     def unknown(self) -> dict[str, Any]:
         """Priors of the material and of the geometry."""
-        return {
-            "priors": priors_from_records(self.priors),
-            "geometry": {name: _distribution(record) for name, record in self.geometry.items()},
-        }
+        geometry = {name: _distribution(record) for name, record in self.geometry.items()}
+        return priors_from_records(self.priors) | geometry
 
     def stated(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
         """The wall, and distributions of all that is not known of it and of the tube."""
-        unknown = self.unknown
-        wall, distributions = complete_wall(self.energy, unknown["priors"], None)
-        return wall, distributions, check_geometry(unknown["geometry"], None)
+        return complete_unknowns(self.energy, self.unknown)
 
 
 class Fits:
@@ -206,7 +201,11 @@ class _Model:
     @without_traces
     def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
         self._model = tube_model(
-            work.energy, data, work.likelihood, **work.unknown, forward=forward.with_data(data)
+            work.energy,
+            data,
+            work.likelihood,
+            priors=work.unknown,
+            forward=forward.with_data(data),
         )
         self.forward: ForwardModel = self._model.study.forward
         self._target = Target(self._model)
@@ -242,7 +241,6 @@ def fit_cohort(
     *,
     by: Literal["specimen", "test"] = "specimen",
     priors: Mapping[str, Any] | None = None,
-    geometry: Mapping[str, Any] | None = None,
     properties: Mapping[str, Any] | None = None,
     draws: int = 500,
     client: Any = None,
@@ -275,7 +273,7 @@ def fit_cohort(
         The folder. It is made if it is missing; with a `client` all its workers have to reach it.
     by : {"specimen", "test"}
         What is fitted by itself: all experiments on a specimen together, or each experiment.
-    priors, geometry
+    priors : dict of str to distribution or MeasuredValue, optional
         See :func:`~pymc_hyperelastic.inflation_model`; distributions of PyMC with numbers for
         parameters, which can be written down.
     properties : dict, optional
@@ -327,13 +325,14 @@ def fit_cohort(
     check_count("draws", draws, 2)
     if by not in ("specimen", "test"):
         raise ValueError(f"by must be 'specimen' or 'test', not {by!r}")
+    material, tube = split_by_owner(energy, "priors", priors)
     work = Fitting(
         by,
         energy,
         representatives(data),
         as_likelihood(likelihood).to_record(),
-        {name: prior_to_record(name, prior) for name, prior in (priors or {}).items()},
-        {name: _record(name, value) for name, value in (geometry or {}).items()},
+        {name: prior_to_record(name, prior) for name, prior in material.items()},
+        {name: _record(name, value) for name, value in tube.items()},
         _as_json(properties or {}),
         int(draws),
         seed_kept(random_seed, store).entropy,

@@ -25,6 +25,7 @@ from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.io.results import save_result
 from pymc_hyperelastic.io.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
+from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.reports.report import report as write_report
@@ -50,8 +51,8 @@ Seed = Annotated[int, typer.Option(help="The same seed gives the same numbers.")
 Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # type: ignore[misc]
 
 
-class Variability(StrEnum):
-    """Variability of the specimens of a class."""
+class Differences(StrEnum):
+    """How the specimens of a group differ: not at all, or each has its own parameters."""
 
     none = "none"
     specimen = "specimen"
@@ -107,8 +108,8 @@ def fit(
     settings: Settings = None,
     law: Annotated[list[Law] | None, typer.Option(help="A strain energy; may be repeated.")] = None,
     variability: Annotated[
-        Variability, typer.Option(help="How the specimens of a group differ.")
-    ] = Variability.specimen,
+        Differences, typer.Option(help="How the specimens of a group differ.")
+    ] = Differences.specimen,
     experiment_effect: Annotated[
         bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
     ] = False,
@@ -169,6 +170,9 @@ def fit(
     }
     stated = settings_of_study(files, settings).likelihood
     likelihood = likelihood_of_options(options, stated, data)
+    alike = variability is Differences.none
+    if alike and experiment_effect:
+        raise ValueError("--experiment-effect needs --variability specimen")
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
         path = out / f"{CLASSES}-{each.value}.nc"
@@ -180,8 +184,7 @@ def fit(
             StrainEnergy.from_name(each.value),
             training,
             likelihood,
-            variability=variability.value,
-            experiment_effect=experiment_effect,
+            variability=None if alike else Variability(experiment_effect=experiment_effect),
             draws=draws,
             chains=chains,
             random_seed=seed,

@@ -12,9 +12,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp
 
+from pymc_hyperelastic.classes.reference import one_draw
 from pymc_hyperelastic.classes.specimen_evidence import near_class
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
-from pymc_hyperelastic.classes.specimens import SpecimenSampler, one_draw
+from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
 from pymc_hyperelastic.evidence.path import Reference

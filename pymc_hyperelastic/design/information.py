@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax
 
 from pymc_hyperelastic.classes.average import labels_of
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.design.planned_tests import Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens
 from pymc_hyperelastic.evidence.checks import check_count
@@ -168,7 +168,7 @@ def expected_information(
     the information is the same. Kernel densities are somewhat too wide, so that the information is
     somewhat too small: use it to compare designs.
 
-    In classes fitted with ``experiment_effect=True`` the material varies between the tests of a
+    In classes fitted with an experiment effect the material varies between the tests of a
     specimen; a quantity then belongs to the specimen's mean coordinates.
 
     References
@@ -220,7 +220,7 @@ def expected_information(
     return result.assign_attrs(strain_energy=labels_of([kind])[0], **origin_of(classes))
 
 
-def _kind(classes: Any) -> Variability:
+def _kind(classes: Any) -> HierarchicalClass:
     if not isinstance(classes, xr.DataTree):
         raise TypeError(
             "classes must be a result of ph.fit_classes, for one strain energy, not "

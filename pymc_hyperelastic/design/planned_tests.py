@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.checks import check_count
@@ -57,7 +57,7 @@ def words_of(design: Design) -> str:
     return "; ".join(test.words for test in design)
 
 
-def as_design(name: str, given: Any, kind: Variability) -> Design:
+def as_design(name: str, given: Any, kind: HierarchicalClass) -> Design:
     """Convert the user's dict, or list of dicts, to a design; raise if a setting is invalid.
 
     `name` is the name of the design in errors, and `kind` describes the classes.
@@ -68,7 +68,7 @@ def as_design(name: str, given: Any, kind: Variability) -> Design:
     return [_as_test(name, test, kind) for test in tests]
 
 
-def _as_test(name: str, given: Any, kind: Variability) -> PlannedTest:
+def _as_test(name: str, given: Any, kind: HierarchicalClass) -> PlannedTest:
     label = f"design {name!r}"
     if not isinstance(given, Mapping):
         raise TypeError(
@@ -142,7 +142,7 @@ def _range(label: str, name: str, given: Any, points: int) -> Array:
 
 
 def radii_of(
-    kind: Variability,
+    kind: HierarchicalClass,
     tests: Design,
     specimens: Mapping[str, Array],
     tube: Mapping[str, float],
@@ -154,7 +154,7 @@ def radii_of(
     along the first axis. `tube` has the measures that a test does not state, and `sds` the
     standard deviations of their errors.
     """
-    by_test = bool(kind.experiment_effect)
+    by_test = kind.variability.experiment_effect
     found = []
     errors = {f"{name}_sd": sd for name, sd in sds.items()}
     deviations = {name: specimens[deviation_name(name)][:, 0] for name in kind.geometry}
@@ -188,7 +188,7 @@ def radii_of(
 
 
 def empty_data(
-    kind: Variability, tests: Design, tube: Mapping[str, float], sds: Mapping[str, float]
+    kind: HierarchicalClass, tests: Design, tube: Mapping[str, float], sds: Mapping[str, float]
 ) -> xr.Dataset:
     """Return a Dataset of one specimen in these tests; radii and measured values are NaN."""
     of_points = np.repeat(np.arange(len(tests)), [len(t.held) for t in tests])

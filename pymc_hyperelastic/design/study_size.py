@@ -15,8 +15,8 @@ from scipy import special, stats
 from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.compare_classes import check_quantities
 from pymc_hyperelastic.classes.groups import groups_of, kind_of_groups
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.quantities import complete_conditions, unit_of, values_of
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.settings import origin_of
@@ -245,7 +245,7 @@ def _sizes(given: Any) -> list[int]:
     return sorted(set(sizes.tolist()))
 
 
-def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _Pilot:
+def _pilot(kind: HierarchicalClass, classes: xr.DataTree, studies: int, rng: Any) -> _Pilot:
     """Draw the true distributions of each study, and compute the estimation errors of the pilot."""
     location, covariance, errors = [], [], []
     for fitted in classes.children.values():
@@ -284,7 +284,7 @@ def _error(draws: Any, distributions: ClassDistribution) -> Array:
     return root @ of_curves @ root.T + within
 
 
-def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -> _Known:
+def _studied(kind: HierarchicalClass, pilot: _Pilot, sizes: Sequence[int], rng: Any) -> _Known:
     """Return the posteriors of the groups in studies of these sizes."""
     specimens = _found(pilot, sizes[-1], rng)[0]
     mean, spread = kind.scale.location_prior[0], np.exp(kind.scale.spread_prior[0])

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import log_softmax, logsumexp, softmax
 
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.quantities import complete_conditions, values_of
-from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens, reference_of
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
+from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.design.few_draws import FewDraws, known_class
 from pymc_hyperelastic.design.planned_tests import Design, beside, empty_data, radii_of, words_of
@@ -76,7 +77,7 @@ class Simulation:
 
     def __init__(
         self,
-        kind: Variability,
+        kind: HierarchicalClass,
         classes: xr.DataTree,
         at: Conditions,
         given: xr.Dataset | None,
@@ -92,7 +93,7 @@ class Simulation:
         self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
         if given is None:
             return
-        if kind.experiment_effect:
+        if kind.variability.experiment_effect:
             raise ValueError(
                 "given: earlier tests are not supported for classes with experiment_effect, in "
                 "which the material varies between tests: leave given out"
@@ -177,7 +178,7 @@ class Simulation:
 
     def _inner(self, data: xr.Dataset) -> tuple[SpecimenSampler, Callable[..., FewDraws]]:
         """Return a sampler for specimens with tests like `data`, and a function that draws them."""
-        by_test = bool(self._kind.experiment_effect)
+        by_test = self._kind.variability.experiment_effect
         forward = self._kind.forward_model(data, by_test=by_test, mode="quadrature")
         sampler = SpecimenSampler(self._kind, forward, reference_of(self._kind))
         size = data.sizes["test"], len(self._kind.geometry)

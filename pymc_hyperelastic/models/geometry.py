@@ -17,10 +17,10 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import specimens_of
-from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
-from pymc_hyperelastic.models.priors import check_prior
+from pymc_hyperelastic.models.priors import check_by_name, check_prior, complete_wall
 from pymc_hyperelastic.quantities import MEASURES
 
 # Measures that give the outer radius, together with the inner one.
@@ -68,7 +68,7 @@ class MeasuredValue:
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> model = ph.inflation_model(
-    ...     ph.Ogden(), data, 4 * ph.mmHg, geometry={"thickness": ph.MeasuredValue(sd=0.1)}
+    ...     ph.Ogden(), data, 4 * ph.mmHg, priors={"thickness": ph.MeasuredValue(sd=0.1)}
     ... )
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'thickness_deviation']
@@ -86,14 +86,50 @@ class MeasuredValue:
             raise ValueError(f"sd is {self.sd}; expected {expected}")
 
 
-def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, Any]:
+def split_by_owner(
+    energy: StrainEnergy | Sequence[Layer], what: str, by_name: Any
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a dict by name, such as `priors`, into that of the material and that of the tube.
+
+    The names of the tube are those of :data:`~pymc_hyperelastic.quantities.MEASURES`. All other
+    names are of the material, or of the class.
+
+    Raises
+    ------
+    TypeError
+        If it is no dict; `what` is the name of the argument.
+    ValueError
+        If the strain energy has a parameter with the name of a measure of the tube.
+    """
+    if isinstance(energy, Sequence):
+        check_layers(energy)
+        laws = [layer.energy for layer in energy]
+    else:
+        check_energy(energy)
+        laws = [energy]
+    for law in laws:
+        for name in law.parameter_names:
+            if name in MEASURES:
+                raise ValueError(
+                    f"{law.name} has a parameter {name!r}, which is the name of a measure of the "
+                    "tube: give the parameter another name"
+                )
+    given = check_by_name(what, by_name)
+    tube = {name: value for name, value in given.items() if name in MEASURES}
+    return {name: value for name, value in given.items() if name not in tube}, tube
+
+
+def complete_unknowns(
+    energy: StrainEnergy | Sequence[Layer], priors: Any, model: pm.Model | None = None
+) -> tuple[StrainEnergy | list[Layer], dict[str, Any], dict[str, Any]]:
+    """Return the wall, the priors of all its parameters, and the unknown geometry of the tube."""
+    material, tube = split_by_owner(energy, "priors", priors)
+    return *complete_wall(energy, material, model), check_geometry(tube, model)
+
+
+def check_geometry(given: Mapping[str, Any], model: pm.Model | None = None) -> dict[str, Any]:
     """Return the unknown geometry as a dict, or raise if it is unsound."""
-    if geometry is not None and not isinstance(geometry, Mapping):
-        raise TypeError(
-            'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
-            f"{type(geometry).__name__}"
-        )
-    given = dict(geometry or {})
+    given = dict(given)
     for name, prior in given.items():
         if name not in MEASURES:
             raise ValueError(
@@ -118,7 +154,7 @@ def check_measured_only(geometry: Mapping[str, Any]) -> None:
     for name, value in geometry.items():
         if not isinstance(value, MeasuredValue):
             raise TypeError(
-                f"geometry holds {value!r} for {name!r}; where specimens differ, expected "
+                f"the prior of {name!r} is {value!r}; where specimens differ, expected "
                 "ph.MeasuredValue(): the measured value of each, with its error"
             )
 
@@ -144,7 +180,7 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, MeasuredValue], laye
         _check_held(data, "and ph.MeasuredValue holds one error for all of it")
     for name, value in measured.items():
         for needed in _BEHIND.get(name, (name,)):
-            who = f"geometry={{{name!r}: ph.MeasuredValue(...)}}"
+            who = f"priors={{{name!r}: ph.MeasuredValue(...)}}"
             _check_known(data, needed, f", and {who} needs it")
         if value.sd is None:
             if f"{name}_sd" not in data:
@@ -170,9 +206,9 @@ def check_tube(
                 "away, ph.inflation_data(frame, ph.Tube(inner_radius=...))"
             )
     if "axial_stretch" in inferred:
-        _check_held(data, "in which it was measured, and geometry holds one value for all tests")
+        _check_held(data, "in which it was measured, and its prior is one for all tests")
     for name in sorted(needed):
-        prior = f"give it a prior, geometry={{{name!r}: ...}}"
+        prior = f"give it a prior, priors={{{name!r}: ...}}"
         _check_known(data, name, f": state it with the data, or {prior}")
 
 

@@ -23,7 +23,7 @@ from pymc_hyperelastic.mechanics.strain_energy import (
 )
 from pymc_hyperelastic.models.forward import ForwardModel, Mode
 from pymc_hyperelastic.models.geometry import (
-    check_geometry,
+    complete_unknowns,
     priors_of,
     register_deviations,
     register_measures,
@@ -32,7 +32,6 @@ from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.priors import (
     PRIOR_DRAWS,
     belongs_to,
-    complete_wall,
     register_priors,
 )
 from pymc_hyperelastic.models.study import Study, coords_of
@@ -50,7 +49,6 @@ def inflation_model(
     likelihood: Likelihood | Any,
     *,
     priors: dict[str, Any] | None = None,
-    geometry: dict[str, Any] | None = None,
     rising: bool = False,
     mode: Mode = "auto",
     name: str = "",
@@ -58,8 +56,8 @@ def inflation_model(
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
-    ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
-    ``obs``, and the Potential ``likelihood`` or observed variables. Curves are at the measured
+    ``stiffness`` (with measured forces also ``axial_force``, with an unknown tube also ``radius``)
+    over ``obs``, and the Potential ``likelihood`` or observed variables. Curves are at the measured
     radii, also if these have an error.
 
     In the context of another model it becomes a part of that model: its variables are registered
@@ -77,14 +75,15 @@ def inflation_model(
         The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and the
         paper's :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the
         standard deviation of a pressure, kPa.
-    priors : dict of str to distribution, optional
+    priors : dict of str to distribution or MeasuredValue, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. The default is
         uniform over a documented physical range. A vector parameter has a prior of its size.
-    geometry : dict of str to distribution or MeasuredValue, optional
-        Priors of an unknown tube, one value for all tests: ``inner_radius``, ``axial_stretch``,
-        ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm) or ``wall_area``
-        (mm², of the cross-section of the unloaded ring). Radii are those of the opened sector, and
-        the angle is the whole one that it lacks of a full circle. In place of a prior
+
+        Measures of the tube have no default: without a prior they have the value in the data. They
+        are ``inner_radius``, ``axial_stretch``, ``opening_angle`` (rad), and one of
+        ``outer_radius``, ``thickness`` (mm) or ``wall_area`` (mm², of the cross-section of the
+        unloaded ring). Radii are those of the opened sector, and the angle is the whole one that it
+        lacks of a full circle. A distribution is the prior of one value for all tests;
         :class:`~pymc_hyperelastic.MeasuredValue` states the error of the value in the data, for
         each specimen by itself.
     rising : bool, default False
@@ -109,9 +108,9 @@ def inflation_model(
     TypeError
         If the strain energy, the data, the likelihood or a prior is not one.
     ValueError
-        If the data are unsound, a prior belongs to no parameter, or a number is impossible; if the
-        model of the context has such names already; or if `rising` is given with variables of that
-        model.
+        If the data are unsound, a prior belongs to no parameter and no measure of the tube, a
+        parameter has the name of such a measure, or a number is impossible; if the model of the
+        context has such names already; or if `rising` is given with variables of that model.
 
     See Also
     --------
@@ -142,9 +141,8 @@ def inflation_model(
             f"name is {name!r}, a prefix in the model of the context, but no model is in context: "
             "make this one inside `with pm.Model():`, or leave the name away"
         )
-    likelihood = as_likelihood(likelihood)
-    unknown: dict[str, Any] = {"priors": priors, "geometry": geometry, "rising": rising}
-    return tube_model(energy, data, likelihood, **unknown, mode=mode, parent=context, name=name)
+    settings: dict[str, Any] = {"priors": priors, "rising": rising, "mode": mode, "name": name}
+    return tube_model(energy, data, as_likelihood(likelihood), parent=context, **settings)
 
 
 @without_traces
@@ -154,7 +152,6 @@ def tube_model(
     likelihood: Likelihood,
     *,
     priors: dict[str, Any] | None = None,
-    geometry: dict[str, Any] | None = None,
     rising: bool = False,
     mode: Mode = "auto",
     parent: pm.Model | None = None,
@@ -165,8 +162,7 @@ def tube_model(
 
     The context is ignored. A `forward` model of these data may be given.
     """
-    wall, distributions = complete_wall(energy, priors, parent)
-    unknown = check_geometry(geometry, parent)
+    wall, distributions, unknown = complete_unknowns(energy, priors, parent)
     likelihood.check(wall, data, distributions, unknown)
     if forward is None:
         # Classes fit one compiled Potential to the data of each; observed variables are not shared.

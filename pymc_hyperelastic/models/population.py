@@ -4,8 +4,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import pymc as pm
@@ -32,6 +31,7 @@ from pymc_hyperelastic.models.geometry import (
     check_measured_only,
     register_deviations,
     register_measures,
+    split_by_owner,
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
@@ -43,10 +43,13 @@ from pymc_hyperelastic.models.priors import (
     positive_draws,
 )
 from pymc_hyperelastic.models.study import Study, coords_of
+from pymc_hyperelastic.models.variability import Variability, as_variability
 from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
+# Default of `variability`.
+_SPECIMEN = Variability()
 
 
 @dataclass(frozen=True)
@@ -57,15 +60,25 @@ class Population:
     """A strain energy, or layers."""
     likelihood: Likelihood
     """With observed variables."""
-    experiment_effect: bool = False
-    reference_stress: float | None = 20.0
+    variability: Variability = _SPECIMEN
     priors: Mapping[str, Any] | None = None
+    """Of the class's distribution."""
     geometry: Mapping[str, MeasuredValue] = field(default_factory=dict)
+    """Measures of the tube that have an error."""
+
+    @classmethod
+    def of_settings(
+        cls, energy: Any, likelihood: Any, priors: Any = None, variability: Any = _SPECIMEN
+    ) -> Self:
+        """Return the settings from arguments of :func:`population_model`."""
+        of_class, tube = split_by_owner(energy, "priors", priors)
+        observed, geometry = as_likelihood(likelihood).as_observed(), check_geometry(tube)
+        return cls(energy, observed, as_variability(variability), of_class, geometry)
 
     @cached_property
     def scale(self) -> NaturalScale:
         """Coordinates of the specimens."""
-        return NaturalScale(self.energy, self.reference_stress)
+        return NaturalScale(self.energy, self.variability.reference_stress)
 
     @property
     def noises(self) -> list[str]:
@@ -90,24 +103,19 @@ class Population:
                 "force_offset_sd is a distribution; where specimens differ, expected a number of "
                 "mN: each test has an offset of its own, and the number is their prior"
             )
-        stress = self.reference_stress
-        if stress is not None and not (isinstance(stress, Real) and 0 < stress < np.inf):
-            raise ValueError(
-                f"reference_stress is {stress!r}; expected a positive number of kPa, or None for "
-                "the logarithm of each modulus"
-            )
         check_measured_only(self.geometry)
         self.likelihood.check(wall, data, parameters, self.geometry)
         count = len(self.scale.names)
         sizes: dict[str, int | None] = {"location": count, "spread": count}
-        if self.experiment_effect:
+        if self.variability.experiment_effect:
             sizes |= {"experiment_spread": count, "effect_spread": None}
         sizes |= {SPREAD_OF_NOISE[name]: None for name in self.noises}
         check_priors(self.priors, sizes, "this class")
 
     def register_class(self) -> ClassDistribution:
         """Register the class's distribution in the model in context."""
-        return register_class(self.scale, self.likelihood, self.experiment_effect, self.priors)
+        effect = self.variability.experiment_effect
+        return register_class(self.scale, self.likelihood, effect, self.priors)
 
     def forward_model(
         self, data: xr.Dataset, *, by_test: bool = True, **settings: Any
@@ -131,10 +139,8 @@ def population_model(
     data: xr.Dataset,
     likelihood: Likelihood | Any,
     *,
-    geometry: Mapping[str, MeasuredValue] | None = None,
-    experiment_effect: bool = False,
-    reference_stress: float | None = 20.0,
     priors: Mapping[str, Any] | None = None,
+    variability: Variability | Literal["specimen"] = _SPECIMEN,
 ) -> pm.Model:
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
 
@@ -162,21 +168,16 @@ def population_model(
         As in :func:`~pymc_hyperelastic.inflation_model`. A distribution is the prior of the class's
         median; each specimen has its own standard deviation, such as ``specimen_pressure_sd``.
         Pressures must have the error, and `slope_weight` and `force_offset_sd` must be numbers.
-    geometry : dict of str to MeasuredValue, optional
-        Measures of the tube that have an error, such as
-        ``{"thickness": ph.MeasuredValue(sd=0.01)}``: each specimen then has its own
-        ``thickness_deviation`` and ``thickness``.
-    experiment_effect : bool, default False
-        Whether tests of one specimen differ by more than noise, as at several axial stretches of a
-        material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
-    reference_stress : float or None, default 20
-        Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus;
-        with None each modulus has its own logarithm. Their evidences tell in which of these
-        coordinates specimens are rather normal.
-    priors : dict of str to distribution, optional
+    priors : dict of str to distribution or MeasuredValue, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
         entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
-        ``diameter_noise_spread``.
+        ``diameter_noise_spread``. Measures of the tube that have an error stand beside them, such
+        as ``{"thickness": ph.MeasuredValue(sd=0.01)}``: each specimen then has its own
+        ``thickness_deviation`` and ``thickness``.
+    variability : Variability or "specimen"
+        How the specimens differ; ``"specimen"`` is short for ``ph.Variability()``. Without
+        `experiment_effect`, ``ω = 0``. With the reference stress ``T₀`` the first modulus is
+        replaced by the reference strain, see :class:`~pymc_hyperelastic.Variability`.
 
     Returns
     -------
@@ -196,7 +197,7 @@ def population_model(
 
     See Also
     --------
-    inflation_model, fit_classes
+    Variability, inflation_model, fit_classes
 
     Notes
     -----
@@ -222,9 +223,7 @@ def population_model(
     >>> [rv.name for rv in model.free_RVs]
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
-    observed = as_likelihood(likelihood).as_observed()
-    settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
-    population = Population(energy, observed, *settings)
+    population = Population.of_settings(energy, likelihood, priors, variability)
     population.check(data)
     if pm.Model.get_context(error_if_none=False) is not None:
         warnings.warn(
@@ -243,7 +242,8 @@ def population_model(
         forward = population.forward_model(data)
         register_curves(population, forward, of_specimens, dims="obs")
         register_measures(data, population.geometry, of_specimens.deviations)
-    study = Study(energy, data, {}, reference_stress=reference_stress, forward=forward)
+    stress = population.variability.reference_stress
+    study = Study(energy, data, {}, reference_stress=stress, forward=forward)
     attach_study(model, study)
     return model
 

@@ -30,6 +30,7 @@ from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import MEASURES
 
 # Draws of a prior for its moments and probabilities: an estimate of the prior probability 0.05 has
 # a relative standard error of 3 %.
@@ -74,7 +75,8 @@ def complete_wall(
         return energy, complete_priors(energy, priors, model)
     if priors:
         raise TypeError(
-            "layers take their own priors: give them as Layer(..., mu=...), not as `priors`"
+            "layers take their own priors: give them as Layer(..., mu=...); `priors` holds those "
+            f"of the tube alone, not of {next(iter(priors))!r}"
         )
     check_layers(energy)
     return complete_layers(energy, model)
@@ -135,19 +137,25 @@ def check_priors(
 
     The `sizes` of the unknowns are numbers of entries, None for a scalar.
     """
-    given = {} if priors is None else priors
-    if not isinstance(given, Mapping):
-        raise TypeError(
-            f'priors must be a dict such as {{"{next(iter(sizes))}": pm.Uniform.dist(0, 50)}}, not '
-            f"{type(given).__name__}"
-        )
+    given = check_by_name("priors", priors)
     for name, prior in given.items():
         if name not in sizes:
             raise ValueError(
-                f"a prior is given for {name!r}, but {owner} has the parameters {list(sizes)}"
+                f"a prior is given for {name!r}, but {owner} has the parameters {list(sizes)}, and "
+                f"a tube the measures {list(MEASURES)}"
             )
         check_prior(name, prior, sizes[name], model)
-    return dict(given)
+    return given
+
+
+def check_by_name(what: str, given: Any) -> dict[str, Any]:
+    """Return the argument `what` as a dict, empty for None; TypeError if it is no dict."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(
+            f'{what} must be a dict by name such as {{"mu": pm.Uniform.dist(0, 50)}}, not '
+            f"{type(given).__name__}"
+        )
+    return dict(given or {})
 
 
 def check_prior(

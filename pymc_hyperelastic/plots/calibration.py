@@ -174,7 +174,7 @@ def plot_reliability(
 
     See Also
     --------
-    score_probabilities, calibration_report
+    score_probabilities, cross_validate
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Cross-validated classes, by ``ph.calibration_report``, in a report."""
+"""Cross-validated classes, by ``ph.cross_validate``, in a report."""
 
 import numpy as np
 import xarray as xr

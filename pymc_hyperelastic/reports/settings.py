@@ -9,7 +9,7 @@ import pandas as pd
 import pymc as pm
 import xarray as xr
 
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_json, reading
@@ -38,7 +38,7 @@ class Settings:
     """How a result was made, as far as the result says."""
 
     wall: list[NamedLayer]
-    variability: Variability | None
+    hierarchical: HierarchicalClass | None
     differ: bool
     """True if each specimen has parameters of its own."""
     likelihood: str
@@ -54,17 +54,17 @@ def settings_of(tree: xr.DataTree) -> Settings:
     first = next(iter(fitted_classes(tree).values()))
     posterior = read_draws(first, "posterior")
     stored = model_settings_of(first)
-    variability: Variability | None = None
-    if stored and stored.variability == Variability.variability:
+    hierarchical: HierarchicalClass | None = None
+    if stored and stored.variability == HierarchicalClass.stored_as:
         with reading(first):
-            variability = Variability.from_settings(stored)
+            hierarchical = HierarchicalClass.from_settings(stored)
     likelihood = stored.make_likelihood() if stored else None
     return Settings(
         _known_wall(first),
-        variability,
+        hierarchical,
         specimens_differ(first),
         likelihood.in_words if likelihood else "",
-        priors_of_class(variability) if variability else _priors_of(first, stored, likelihood),
+        priors_of_class(hierarchical) if hierarchical else _priors_of(first, stored, likelihood),
         posterior.sizes["draw"],
         posterior.sizes["chain"],
         tree.attrs.get("random_seed", ""),
@@ -92,11 +92,11 @@ def _priors_of(
     }
 
 
-def priors_of_class(variability: Variability) -> dict[str, str]:
+def priors_of_class(kind: HierarchicalClass) -> dict[str, str]:
     """Return the priors of all unknowns of a class, coordinate by coordinate."""
-    names = variability.scale.names
+    names = kind.scale.names
     with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
-        variability.register_class()
+        kind.register_class()
     priors = {}
     for variable in model.free_RVs:
         if variable.name == "correlation_unit":
@@ -155,14 +155,16 @@ def show_settings(result: xr.DataTree, page: Page) -> None:
             fixed = f"; given as {short(value)}" if isinstance(value, float) else ""
             unit = f" ({p.unit})" if p.unit else ""
             rows.append((f"{p.name}{unit}{where}", p.description + fixed))
-    if kind := settings.variability:
+    if kind := settings.hierarchical:
         rows += [
             ("variability", "each specimen has parameters of its own"),
             ("coordinates of specimens", ", ".join(kind.scale.names)),
-            ("reference stress (kPa)", kind.reference_stress or "none"),
+            ("reference stress (kPa)", kind.variability.reference_stress or "none"),
             (
                 "experiments on a specimen",
-                "differ by a random effect" if kind.experiment_effect else "share its parameters",
+                "differ by a random effect"
+                if kind.variability.experiment_effect
+                else "share its parameters",
             ),
         ]
         for name, error in kind.geometry.items():
@@ -220,8 +222,8 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
         sentences = [f"{tube} of {layers} with, from the inside out, {'; '.join(laws)}."]
     else:
         sentences = [f"{tube} with {laws[0]}."]
-    if kind := settings.variability:
-        stress = kind.reference_stress
+    if kind := settings.hierarchical:
+        stress = kind.variability.reference_stress
         at = f" at a reference stress of {short(stress)} kPa" if stress is not None else ""
         names = kind.scale.names
         of = "the coordinate" if len(names) == 1 else "the coordinates"
@@ -229,7 +231,7 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
             "The parameters of each specimen were drawn from the distribution of its class, a "
             f"normal distribution of {of} {listed(names)}{at}."
         )
-        if kind.experiment_effect:
+        if kind.variability.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
     elif settings.differ:
         sentences.append("Each specimen had parameters of its own, drawn from one distribution.")
@@ -257,7 +259,7 @@ def law_in_words(energy: StrainEnergy) -> str:
 
 def _sampling_sentence(settings: Settings, trees: Iterable[xr.DataTree]) -> str:
     draws = f"{plural(settings.chains, 'independent chain')} of {plural(settings.draws, 'draw')}"
-    if settings.variability:
+    if settings.hierarchical:
         tables = [tree["specimens"]["method"] for tree in trees if "specimens" in tree.children]
         methods = sorted({str(method) for table in tables for method in table.values})
         by = listed([_METHODS.get(method, method) for method in methods])

@@ -18,7 +18,7 @@ import pandas as pd
 from pymc.blocking import DictToArrayBijection
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 
 LAWS = {
     "Ogden": {"mu": 20.0, "alpha": 3.0},
@@ -86,7 +86,7 @@ def density(law, data, noise):
 def specimen(law, data, noise):
     """Seconds to make a sampler of specimens, and to sample one the second time."""
     start = time.perf_counter()
-    sampler = Variability.of_settings(law, **noise).sampler(data)
+    sampler = HierarchicalClass.of_settings(law, **noise).sampler(data)
     sampler(data, np.random.default_rng(1))
     made, start = time.perf_counter() - start, time.perf_counter()
     for seed in (2, 3):

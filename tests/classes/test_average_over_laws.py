@@ -9,9 +9,9 @@ from variable_classes import NAMES, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import Laws, average, labels_of
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of
-from pymc_hyperelastic.classes.variable import Variability
 
 # Relative rounding error of a sum of a few numbers.
 ROUNDING = 1e-10
@@ -153,13 +153,14 @@ def test_unknown_parts_of_a_negligible_law_are_ignored():
 def test_labels_distinguish_laws_of_the_same_name():
     """By the settings of the law, the experiment effect, and otherwise by a number."""
     layers = [ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)]
-    kind_of = partial(Variability.of_settings, likelihood=1.0)
+    kind_of = partial(HierarchicalClass.of_settings, likelihood=1.0)
+    effect = ph.Variability(experiment_effect=True)
     labels = {
         "Ogden": kind_of(ph.Ogden()),
-        "Ogden with experiment effect": kind_of(ph.Ogden(), experiment_effect=True),
+        "Ogden with experiment effect": kind_of(ph.Ogden(), variability=effect),
         "OgdenSeries(terms=1)": kind_of(ph.OgdenSeries(1)),
         "OgdenSeries(terms=2)": kind_of(ph.OgdenSeries(2)),
-        "NeoHookean": kind_of(ph.NeoHookean(), experiment_effect=True),
+        "NeoHookean": kind_of(ph.NeoHookean(), variability=effect),
         "Ogden (2)": kind_of(ph.Ogden(), likelihood=2.0),
         "NeoHookean in Ogden": kind_of(layers),
     }
@@ -169,7 +170,7 @@ def test_labels_distinguish_laws_of_the_same_name():
 @pytest.mark.filterwarnings("ignore:class .* the fit is doubtful")  # specimens differ
 def test_laws_of_fitted_classes_are_averaged():
     """Probabilities of the laws, and their errors, follow from the evidences of the classes."""
-    settings = {"variability": "none", "draws": 300, "chains": 2}
+    settings = {"variability": None, "draws": 300, "chains": 2}
     classes, other = fit(**settings), fit(ph.Ogden(), **settings)
     result = classify(curves({"N1": [42.0]}, 3), classes, average_over=[other])
     assert result["decision"].item() == "soft"

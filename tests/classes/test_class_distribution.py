@@ -7,8 +7,8 @@ import xarray as xr
 from normal_specimens import repeated_class
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
 from pymc_hyperelastic.classes.specimen_evidence import near_class
-from pymc_hyperelastic.classes.specimens import fresh_specimens, reference_of
 from pymc_hyperelastic.design.few_draws import known_class
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.population import Population, log_noise_name
@@ -17,7 +17,7 @@ SEED = 912
 # Specimens: enough to know a variance to 0.5 %, and covariances are compared to 3 %.
 COUNT, TOLERANCE = 100_000, 0.03
 NOISE = ph.Gaussian(pm.LogNormal.dist(-0.7, 0.3), observed=True)
-POPULATION = Population(ph.Ogden(), NOISE, experiment_effect=True)
+POPULATION = Population(ph.Ogden(), NOISE, ph.Variability(experiment_effect=True))
 NAME_OF_NOISE, NOISE_MOMENTS = log_noise_name("pressure_sd"), ("log_size", "noise_spread")
 CORRELATION = np.array([[1.0, 0.6], [0.6, 1.0]])
 

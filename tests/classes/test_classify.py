@@ -10,10 +10,9 @@ from pooled_classes import NAMES, SEED, assert_exact, new_data
 from scipy.special import softmax
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import pooled
 from pymc_hyperelastic.classes.classification import _decide, _tabulate
 from pymc_hyperelastic.classes.interface import Prediction
-from pymc_hyperelastic.classes.pooled import ClassPredictive
+from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +141,7 @@ def test_decisions(settings, decision):
 
 def test_an_interrupt_keeps_what_is_classified(classes, by_test, monkeypatch):
     """In the second experiment: others are unknown."""
-    interrupt(monkeypatch, pooled.ClassPredictive, "__call__", 4)
+    interrupt(monkeypatch, ClassPredictive, "__call__", 4)
     with pytest.warns(UserWarning, match="NaN"):
         result = classify(ph.select(new_data(), experiment=1), classes)
     assert result.sizes == by_test.sizes

@@ -6,8 +6,8 @@ import pytest
 from tiers import deep
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
@@ -38,7 +38,7 @@ def protocols(growth=1.1):
 
 
 def sampler_of(data):
-    return Variability.of_settings(ph.HolzapfelGasserOgden(), 1.0).sampler(data)
+    return HierarchicalClass.of_settings(ph.HolzapfelGasserOgden(), 1.0).sampler(data)
 
 
 @pytest.fixture(scope="module")

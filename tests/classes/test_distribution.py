@@ -6,7 +6,7 @@ from variable_classes import PRESSURE_SD, known_specimen
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.distribution import ClassDraws, ClassModel, _larger, fit_distribution
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 
 SEED = 911
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed.
@@ -24,7 +24,7 @@ def test_draws_are_doubled_until_they_are_expected_to_be_enough():
 def test_more_draws_make_the_evidence_of_a_class_precise():
     """Two specimens that are hardly known: with the spread, a sum over a grid."""
     rng = np.random.default_rng(SEED)
-    model = ClassModel(Variability.of_settings(ph.NeoHookean(), PRESSURE_SD))
+    model = ClassModel(HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD))
     places, errors = np.log(0.2) + np.array([-0.5, 0.6]), np.array([1.0, 4.0])
     specimens = {f"{e}": known_specimen(rng, x, e) for x, e in zip(places, errors, strict=True)}
     few, seed = ClassDraws(specimens, 128, None), np.random.SeedSequence(SEED)

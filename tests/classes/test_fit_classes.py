@@ -59,7 +59,7 @@ def test_new_data_are_predicted_with_the_inferred_noise_of_each_class():
         pm.Normal("mu")
         # Few draws of a class are near the new data: their mean needs many.
         noise = pm.HalfNormal.dist(5.0)
-        classes = variable_classes.fit(likelihood=noise, variability="none", draws=8000)
+        classes = variable_classes.fit(likelihood=noise, variability=None, draws=8000)
         new = curves({"N": [50.0]}, 3)
         result = variable_classes.classify(new, classes)
     assert list(own.named_vars) == ["mu"]

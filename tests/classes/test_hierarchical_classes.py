@@ -11,7 +11,7 @@ from scipy.special import logsumexp, softmax
 from variable_classes import GRID, NAMES, PRESSURE_SD, SEED, SIGMA, TRAINING, classify, curves, fit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import variable
+from pymc_hyperelastic.classes import hierarchical
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 
@@ -106,7 +106,7 @@ def test_a_specimen_is_sampled_again_near_a_class_that_has_few_of_its_draws(clas
     """Its first draws are so wide that the evidence from them cannot be trusted."""
     kind, data = kind_of_classes(classes), curves({"N1": [42.0]}, 3)
     rng = np.random.default_rng(SEED)
-    predictive = variable.SpecimenPredictive(kind, classes.children, kind.sampler(data))
+    predictive = hierarchical.SpecimenPredictive(kind, classes.children, kind.sampler(data))
     found = predictive(data, rng, variable_classes.known_specimen(rng, -1.9, 60.0))
     for i, prediction in enumerate(found):
         value, error = prediction.log_evidence
@@ -129,7 +129,7 @@ def test_one_seed_gives_one_result(classes, by_specimen, monkeypatch):
             self.done += advance
 
     bar = Bar()
-    monkeypatch.setattr(variable, "create_simple_progress", lambda wanted: bar)
+    monkeypatch.setattr(hierarchical, "create_simple_progress", lambda wanted: bar)
     few = {"training": {"soft": TRAINING["soft"]}, "draws": 100, "chains": 2}
     of_sigma = ph.SlopeAugmented(SIGMA, slope_weight=0.0)
     one, two = (fit(**few, likelihood=form)["soft"] for form in (PRESSURE_SD, of_sigma))

@@ -6,8 +6,8 @@ from normal_specimens import of_groups, of_pairs
 from variable_classes import known_specimen
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.joint import Apart, Joint, unit_of_pair, unit_of_specimen
-from pymc_hyperelastic.classes.variable import Variability
 
 SEED, DRAWS = 912, 1000
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed. No evidence may
@@ -16,7 +16,7 @@ STANDARD_ERRORS, NATS = 3, 0.07
 # Errors of means, standard deviations and probabilities of the draws: four standard errors, the
 # first two in posterior sds.
 OF_MEANS, OF_SDS, OF_CHANCES = 4 / np.sqrt([DRAWS, 2 * DRAWS, 4 * DRAWS])
-KIND = Variability.of_settings(ph.NeoHookean(), 1.0)
+KIND = HierarchicalClass.of_settings(ph.NeoHookean(), 1.0)
 SCALE = KIND.scale
 (MEAN,), (MEDIAN,) = SCALE.location_prior[0], np.exp(SCALE.spread_prior[0])
 APART = Apart(1.3, 0.6)

@@ -7,7 +7,7 @@ import pytest
 from pooled_classes import NAMES, NOISE, STANDARD_ERRORS, exact_posterior, training_curves
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.pooled import Pooled
+from pymc_hyperelastic.classes.pooled import PooledClass
 
 
 @pytest.mark.parametrize(("first", "second"), [NAMES, NAMES[::-1]])
@@ -37,7 +37,7 @@ def test_the_error_counts_effective_draws(monkeypatch):
     count = classes["C1"]["posterior"].sizes["chain"] * classes["C1"]["posterior"].sizes["draw"]
     drawn = np.random.default_rng(1).standard_normal(count // 10)
     monkeypatch.setattr(
-        Pooled, "log_density", lambda _, tree, __: np.repeat(drawn, 10) * (tree.name == "C1")
+        PooledClass, "log_density", lambda _, tree, __: np.repeat(drawn, 10) * (tree.name == "C1")
     )
     error = ph.kl_divergence(classes, "C1", "C2").standard_error
     of_evidences = [ph.log_evidence(classes[name]).standard_error for name in ("C1", "C2")]

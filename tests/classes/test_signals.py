@@ -11,7 +11,7 @@ from problems import AS_WRITTEN
 from variable_classes import TUBE, classify, explain
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.pooled import ClassPredictive
+from pymc_hyperelastic.classes.pooled import PooledClass
 from pymc_hyperelastic.classes.shapley import shapley
 
 RADIUS = np.linspace(7.3, 9.0, 9)
@@ -54,7 +54,7 @@ NEW["axial_force"][NEW["test"].values == 2] = np.nan
 
 def fit(names=("soft", "stiff"), **settings):
     defaults = {"likelihood": ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)}
-    defaults |= {"priors": {"mu": pm.Normal.dist(*PRIOR)}, "draws": 1000, "variability": "none"}
+    defaults |= {"priors": {"mu": pm.Normal.dist(*PRIOR)}, "draws": 1000, "variability": None}
     training = {name: TRAINING[name] for name in names}
     return variable_classes.fit(training=training, **defaults | settings)
 
@@ -132,14 +132,14 @@ def test_a_class_alone_has_nothing_to_be_told_from(classes):
 
 
 def test_parts_that_cannot_be_computed_are_nan(classes, monkeypatch):
-    predict = ClassPredictive.__call__
+    predictive = PooledClass.predictive
 
-    def without_forces(self, random_seed):
-        if "force" not in (self.signals or SIGNALS):
+    def without_forces(self, fitted, forward, rng, signals=None):
+        if "force" not in (signals or SIGNALS):
             raise ValueError("none of the particles is possible")
-        return predict(self, random_seed)
+        return predictive(self, fitted, forward, rng, signals)
 
-    monkeypatch.setattr(ClassPredictive, "__call__", without_forces)
+    monkeypatch.setattr(PooledClass, "predictive", without_forces)
     found = explain(ph.select(NEW, specimen=["N1"]), classes)
     assert np.isnan(found["log_ratio_part"]).all()
     assert (found["rival"] != "").all()

@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.specimens import class_model, shared_draws
+from pymc_hyperelastic.classes.distribution import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models import specimen_draws
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -95,7 +95,7 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     """The compiled model of a class, at one point, against weighted sums of SciPy's densities."""
     rng = np.random.default_rng(SEED)
     noise = ph.Gaussian(pm.LogNormal.dist(0.0, 1.0), observed=True)
-    population = Population(ph.Ogden(), noise, experiment_effect=True)
+    population = Population(ph.Ogden(), noise, ph.Variability(experiment_effect=True))
     specimens = [random_draws(rng, 2, tests, 20) for tests in (2, 3)]
     model = class_model(population, shared_draws(draws for draws, _ in specimens))
     location, spread, within = rng.normal(0, 0.3, 2), np.array([0.3, 0.5]), np.array([0.1, 0.2])

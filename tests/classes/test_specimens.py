@@ -13,8 +13,9 @@ from shared_errors import Dense, neo_hookean
 from variable_classes import GRID, PRESSURE_SD, SEED, SIGMA, TUBE, UNIT_PRESSURE, curves, modulus
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.reference import reference_of
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
-from pymc_hyperelastic.classes.specimens import PARTICLES, SpecimenSampler, reference_of
+from pymc_hyperelastic.classes.specimens import PARTICLES, SpecimenSampler
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.likelihoods import as_likelihood
 from pymc_hyperelastic.models.population import Population
@@ -31,7 +32,7 @@ PRECISE, ENOUGH = 0.02, 0.1
 def sampler_of(data, likelihood=PRESSURE_SD, *, energy=None, effect=False, geometry=None):
     observed = as_likelihood(likelihood).as_observed()
     energy = energy or ph.NeoHookean()
-    population = Population(energy, observed, effect, 20.0, geometry=geometry or {})
+    population = Population(energy, observed, ph.Variability(effect), geometry=geometry or {})
     return SpecimenSampler(population, population.forward_model(data), reference_of(population))
 
 

@@ -18,7 +18,7 @@ NONE_BELOW = 0.05
 # P-values are ranks among 20,000 random specimens, whitened by 4000: 4 sd.
 COUNT, TOLERANCE = 20_000, 0.03
 NOISE = ph.Gaussian(0.5, observed=True)
-OGDEN = Population(ph.Ogden(), NOISE, False, 20.0)
+OGDEN = Population(ph.Ogden(), NOISE)
 
 
 def exactly(mean, covariance, count=4000):
@@ -74,7 +74,7 @@ def test_differences_between_experiments_count_too(ratio):
     one = ClassDistribution(np.full(1, 0.5), np.full(1, 0.3), np.eye(1), np.full(1, within))
     found = typicality.typical_p_value(
         drawn(1 + exact, within**2 * ratio * np.exp(exact), tests),
-        Population(ph.NeoHookean(), NOISE, True, 20.0),
+        Population(ph.NeoHookean(), NOISE, ph.Variability(experiment_effect=True)),
         reference,
         replace(typicality.repeated(one, COUNT), effect_spread=np.zeros((COUNT, 1))),
         np.random.default_rng(SEED),

@@ -143,15 +143,16 @@ def test_processes_and_batches_do_not_change_numbers(tmp_path):
 
 @pytest.mark.deep
 def test_long_calls_resume_from_their_stores(tmp_path, monkeypatch):
-    """Neither fits of classes with variability nor reports sample a stored specimen again."""
+    """Neither fits of classes nor cross-validation sample a stored specimen again."""
     groups = {name: ph.select(STUDY, group=name) for name in ("C1", "C2")}
-    settings = {"draws": 200, "chains": 1, "random_seed": 1, "progressbar": False}
+    settings = {"draws": 200, "random_seed": 1, "progressbar": False}
     settings |= {"likelihood": 3 * ph.mmHg, "variability": "specimen"}
 
     def results():
-        classes = ph.fit_classes(ph.Ogden(), groups, **settings, store=tmp_path / "classes")
-        report = ph.calibration_report(ph.Ogden(), groups, **settings, store=tmp_path / "report")
-        return [*(classes[name]["posterior"].to_dataset() for name in groups), report]
+        store = tmp_path / "classes"
+        classes = ph.fit_classes(ph.Ogden(), groups, **settings, chains=1, store=store)
+        scores = ph.cross_validate(ph.Ogden(), groups, **settings, store=tmp_path / "scores")
+        return [*(classes[name]["posterior"].to_dataset() for name in groups), scores]
 
     def never(*_, **__):
         raise AssertionError("a specimen was sampled again")
@@ -185,9 +186,9 @@ def test_specimens_with_an_unknown_radius_are_fitted(tmp_path):
     data = ph.select(STUDY, specimen="S1", experiment=1)
     inner = float(data["inner_radius"][0])
     data = data.assign(inner_radius=data["inner_radius"] * np.nan)
-    settings = {"geometry": {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}}
-    settings["priors"] = {"mu": pm.Uniform.dist(1.0, 60.0)}
-    ph.fit_cohort(ph.NeoHookean(), data, 5.0, tmp_path / "store", **settings, **SERIAL)
+    priors = {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}
+    priors["mu"] = pm.Uniform.dist(1.0, 60.0)
+    ph.fit_cohort(ph.NeoHookean(), data, 5.0, tmp_path / "store", priors=priors, **SERIAL)
     found = ph.open_cohort(tmp_path / "store")
     assert found["evidence"]["error"].values.tolist() == [""]
     radius = found["posterior"]["inner_radius"].values

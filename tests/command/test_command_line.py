@@ -187,6 +187,10 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
             ["fit", "FILE", "--sigma", "1 kPa", "--diameter-sd", "5 um"],
             "--diameter-sd is given, but it belongs to pressure_sd",
         ),
+        (
+            ["fit", "FILE", "--variability", "none", "--experiment-effect"],
+            "--experiment-effect needs --variability specimen",
+        ),
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
         (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),

@@ -152,7 +152,8 @@ def test_axial_forces_and_materials_that_differ_by_test():
     }
     force_sd, effect = 1.0, 0.3
     likelihood = ph.Gaussian(NOISE, force_sd=force_sd)
-    settings = {"draws": 100, "chains": 1, "experiment_effect": True}
+    effect = ph.Variability(experiment_effect=True)
+    settings = {"draws": 100, "chains": 1, "variability": effect}
     fitted = fit(training=training, likelihood=likelihood, **settings)
     known = {"experiment_spread": effect, "effect_spread": 1e-6}
     classes = with_distribution(fitted, FAR, **known)
@@ -228,7 +229,7 @@ def test_probabilities_after_the_tests_are_calibrated():
     """The log probability of the true class has the mean that the probabilities expect."""
     noise = pm.LogNormal.dist(np.log(NOISE), 0.3)
     fitted = fit(
-        draws=200, chains=1, geometry={"thickness": ph.MeasuredValue(sd=0.3)}, likelihood=noise
+        draws=200, chains=1, priors={"thickness": ph.MeasuredValue(sd=0.3)}, likelihood=noise
     )
     classes = with_distribution(fitted, NEAR)
     found = information(classes, {"one": {"radius": (7.3, 8.2), "points": 6}}, specimens=200)

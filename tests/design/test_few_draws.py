@@ -8,7 +8,7 @@ from scipy.special import logsumexp, softmax
 from variable_classes import PRESSURE_SD, curves, log_evidence_of_specimen
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.design.few_draws import FewDraws, KnownClass, _around, known_class
 from pymc_hyperelastic.evidence.optimise import Maxima
 from pymc_hyperelastic.evidence.target import Derivatives
@@ -27,7 +27,8 @@ EFFECTIVE = {False: 1060, True: 1300}
 def test_evidences_are_those_of_a_grid(effect):
     """Draws are as good as designed: no further round is made for a class that matters."""
     data = curves({"A": [38.0, 46.0] if effect else [38.0]}, 3)
-    kind = Variability.of_settings(ph.NeoHookean(), PRESSURE_SD, experiment_effect=effect)
+    variability = ph.Variability(experiment_effect=effect)
+    kind = HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD, variability=variability)
     # Distributions of a class differ in their location.
     shifts = np.zeros(1) if effect else np.linspace(-0.1, 0.1, 9)
     rows, more = np.ones((len(shifts), 1)), (WITHIN, EFFECT) if effect else ()

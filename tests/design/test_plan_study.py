@@ -10,7 +10,7 @@ from scipy import stats
 from variable_classes import fit, known_specimen, with_distribution
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.design.study_size import (
     _error,
     _found,
@@ -68,7 +68,7 @@ def test_log_scores_of_new_specimens_equal_quadrature():
 
 def test_what_a_study_knows_is_the_conjugate_posterior():
     """One coordinate, by sums over the location and the variance of specimens and errors."""
-    kind = Variability.of_settings(ph.NeoHookean(), 1.0)
+    kind = HierarchicalClass.of_settings(ph.NeoHookean(), 1.0)
     (mean,), (sd,) = kind.scale.location_prior
     (log_spread,), sd_of_log = kind.scale.spread_prior
     pilot = pilot_of((mean - 0.2, mean + 0.2), error=0.1, studies=3)

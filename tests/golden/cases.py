@@ -183,14 +183,14 @@ def two_arteries():
     return model
 
 
-def own_model(data=None, /, *, geometry=None, **settings):
+def own_model(data=None, /, *, tube=None, **settings):
     """A user's model that adds the likelihood of the curves to its own variables."""
     with pm.Model() as model:
         parameters = {"mu": pm.LogNormal("mu", 2.0, 1.0), "alpha": pm.Normal("alpha", 6.0, 3.0)}
         noise = pm.HalfNormal("noise", 1.0)
         errors = {} if "radius_sd" in settings else {"pressure_sd": noise}
         likelihood, others = split(errors | settings)
-        others["geometry"] = {n: pm.Normal(n, *prior) for n, prior in (geometry or {}).items()}
+        parameters |= {n: pm.Normal(n, *prior) for n, prior in (tube or {}).items()}
         data = aorta() if data is None else data
         ph.inflation_likelihood("curves", law("Ogden"), data, likelihood, parameters, **others)
     return model
@@ -202,8 +202,8 @@ def priors(family, /, **arguments):
 
 
 def measured(**errors):
-    """Setting of geometry that was measured, with standard errors; None for those of the data."""
-    return {"geometry": {name: ph.MeasuredValue(error) for name, error in errors.items()}}
+    """Priors of a tube that was measured, with standard errors; None for those of the data."""
+    return {"priors": {name: ph.MeasuredValue(error) for name, error in errors.items()}}
 
 
 uniform, half_normal = partial(priors, pm.Uniform), partial(priors, pm.HalfNormal)
@@ -211,14 +211,14 @@ log_normal = partial(priors, pm.LogNormal)
 # Data of two specimens, with outer diameters, with an extension test, of an unknown outer radius.
 two, diameters = partial(artery, specimens="AB"), partial(artery, by="outer_diameter")
 extended, unlayered = partial(artery, extension=True), partial(artery, outer=None)
-FORCE, EFFECT = {"force_sd": 5.0}, {"experiment_effect": True}
+FORCE, EFFECT = {"force_sd": 5.0}, {"variability": ph.Variability(experiment_effect=True)}
 OFFSET, DIAMETER = {"force_offset_sd": 30.0}, {"diameter_sd": 0.02}
 GENERATIVE, RADIUS = {"observed": True}, {"radius_sd": 0.05}
 
 
 def unknown(**ranges):
-    """Setting of geometry with uniform priors."""
-    return {"geometry": uniform(**ranges)}
+    """Uniform priors of a tube."""
+    return {"priors": uniform(**ranges)}
 
 
 def mild():
@@ -280,7 +280,9 @@ DENSITIES = {
     "noise, forces": lambda: forces("Demiray", **half_normal(pressure_sd=1, force_sd=10)),
     "population": lambda: population("Ogden"),
     "population, experiments": lambda: population("Ogden", **EFFECT),
-    "population, own logarithms": lambda: population("Demiray", reference_stress=None),
+    "population, own logarithms": lambda: population(
+        "Demiray", variability=ph.Variability(reference_stress=None)
+    ),
     "population, slopes": lambda: population("Yeoh", slope_weight=1.5),
     "population, noise": lambda: population(
         "PowerLawNeoHookean", two(), **log_normal(pressure_sd=(-1, 0.5), force_sd=(2, 0.5))
@@ -292,7 +294,7 @@ DENSITIES = {
     "population, layers": lambda: population(layers(), two(outer=None), **FORCE),
     "own model": own_model,
     "own model, forces": lambda: own_model(artery(), slope_weight=0.01, **FORCE, **OFFSET),
-    "own model, geometry": lambda: own_model(artery(), geometry={"inner_radius": (1, 0.05)}),
+    "own model, geometry": lambda: own_model(artery(), tube={"inner_radius": (1, 0.05)}),
     "own model, radius error": lambda: own_model(**RADIUS),
     "own law, paper": lambda: slopes("Cubic"),
     "own law, generative": lambda: generative("Cubic"),
@@ -379,9 +381,9 @@ class Sampled(NamedTuple):
 SETTINGS = {"draws": 2000, "chains": 2, "progressbar": False}
 
 
-def positive(**settings):
+def positive(**ranges):
     """Model of Ogden's law with a positive exponent; both signs mean the same."""
-    return inflation("Ogden", priors=uniform(alpha=(0, 40)), **settings)
+    return inflation("Ogden", priors=uniform(alpha=(0, 40), **ranges))
 
 
 TO_SAMPLE = {
@@ -391,7 +393,7 @@ TO_SAMPLE = {
     "NeoHookean": lambda: inflation("NeoHookean", pressure_sd=2.0),
     "HGO": lambda: forces(HGO, priors=uniform(k2=(0, 5), beta=(25, 60))),
     "forces": lambda: generative("Demiray", **OFFSET),
-    "geometry": lambda: positive(**unknown(inner_radius=(6.5, 7.5))),
+    "geometry": lambda: positive(inner_radius=(6.5, 7.5)),
     "layers": lambda: forces(layers("Demiray"), unlayered()),
 }
 

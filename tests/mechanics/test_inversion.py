@@ -99,10 +99,10 @@ def model_of(energy):
     frame["pressure"], frame["outer_diameter"] = PRESSURE, 2 * outer_of(RADIUS)
     tube = ph.Tube(axial_stretch=AXIAL, opening_angle=ANGLE, **SECTOR)
     data = ph.inflation_data(frame, tube, measured="outer_diameter")
-    geometry = {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     priors = {p.name: pm.Normal.dist(0, 50) for p in energy.parameters}
+    priors |= {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     likelihood = ph.Gaussian(radius_sd=SIGMA / np.sqrt(2))
-    return ph.inflation_model(energy, data, likelihood, geometry=geometry, priors=priors)
+    return ph.inflation_model(energy, data, likelihood, priors=priors)
 
 
 def function_of(model):

@@ -33,8 +33,8 @@ def prior(value, name="mu", **settings):
     return model(priors={name: value}, **settings)
 
 
-def unknown(data=None, **geometry):
-    return model(data, geometry=geometry)
+def unknown(data=None, **priors):
+    return model(data, priors=priors)
 
 
 def layers(*walls, data=None, **settings):
@@ -66,6 +66,13 @@ class EitherSign(ph.MooneyRivlin):
     parameters = ph.MooneyRivlin.parameters[0], ph.Parameter("c01", "", "kPa", (-9.0, 9.0), "")
 
 
+class Membrane(ph.NeoHookean):
+    """A law with a parameter that has the name of a measure of the tube."""
+
+    parameters = *ph.NeoHookean.parameters, ph.Parameter("thickness", "h", "mm", (0.1, 1.0), "")
+
+
+VALUES = {"mu": 6.0, "alpha": 6.0}
 GIVEN, FOREIGN = ph.Layer(ph.Demiray(), 0.2, b=HALF), inside(lambda mu: mu)
 NO_OFFSETS = xr.DataTree.from_dict({"posterior": curves()})
 # Calls and fragments of the message, by the error that they raise.
@@ -89,12 +96,14 @@ TYPE_ERRORS = [
     (lambda: potential({"mu": np.ones(2), "alpha": 6.0}), "'mu'|1 dimension|scalar"),
     (lambda: potential(energy=[NEO_HOOKEAN]), "ph.Ogden()|Layer(NeoHookean()"),
     # Geometry.
-    (lambda: population(geometry={"inner_radius": RADIUS}), "where specimens differ, expected"),
+    (lambda: population(priors={"inner_radius": RADIUS}), "where specimens differ, expected"),
     # Layers.
-    (lambda: layers(priors={"mu": pm.Uniform.dist(0, 50)}), "layers take their own priors"),
+    (lambda: layers(priors={"mu": pm.Uniform.dist(0, 50)}), "layers take their own priors|'mu'"),
     (lambda: layers(ph.Layer(ph.NeoHookean(), 1.0, mu="stiff")), "mu_1 is 'stiff'|a number"),
     (lambda: layers(ph.Layer(SERIES, 1.0, mu=[3.0])), "mu_1 is [3.0]|2 numbers"),
     # Populations.
+    (lambda: ph.Variability(experiment_effect=1), "experiment_effect is 1|True or False"),
+    (lambda: population(variability=None), "variability is None|ph.Variability"),
     (lambda: population(priors={"location": HALF}), "'location' has the shape|shape=2"),
     (lambda: population([GIVEN], THICK), "layer 1 has a distribution for 'b'"),
     # Models in the context of another one.
@@ -125,38 +134,43 @@ VALUE_ERRORS = [
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
-    (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']"),
+    (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']|'thickness'"),
     (lambda: potential(name="mu"), "mu|already"),
     (lambda: potential({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
-    (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|geometry={{'inner_radius': ...}}"),
-    (lambda: potential(geometry={"thickness": 2.0}), "geometry holds 'thickness'|'outer_radius'"),
+    (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|priors={{'inner_radius': ...}}"),
+    (lambda: potential(VALUES | {"thickness": 2.0}), "holds 'thickness'|'outer_radius'"),
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
-    (lambda: model(geometry={"inner_radius": RADIUS}, mode="collocation"), "mode='quadrature'"),
+    (lambda: model(priors={"inner_radius": RADIUS}, mode="collocation"), "mode='quadrature'"),
     (lambda: unknown(thickness=ph.MeasuredValue()), "the data hold no thickness_sd"),
     (
-        lambda: fit(geometry={"thickness": ph.MeasuredValue(0.01)}),
-        "only with variability='specimen'",
+        lambda: fit(priors={"thickness": ph.MeasuredValue()}),
+        "'thickness'|only with variability='specimen'",
     ),
+    (lambda: model(energy=Membrane()), "Membrane|'thickness'|another name"),
+    (lambda: population(Membrane()), "Membrane|'thickness'|another name"),
+    (lambda: fit(energy=Membrane()), "Membrane|'thickness'|another name"),
+    (lambda: potential({"mu": 6.0, "thickness": 2.0}, Membrane()), "Membrane|'thickness'"),
     # Layers.
     (lambda: layers(data=curves()), "layers state the thickness|ph.Tube(inner_radius=...)"),
     (
-        lambda: layers(geometry={"thickness": ph.MeasuredValue(0.1)}),
+        lambda: layers(priors={"thickness": ph.MeasuredValue(0.1)}),
         "give a layer's thickness a prior",
     ),
     (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "same name|'mu'"),
-    (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "class 'C1'|layers|do not make a class"),
+    (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "group 'C1'|layers|do not make a class"),
     # Extension tests.
     (lambda: extension(SLOPES), "experiment 0: axial_stretch varies|ph.Gaussian"),
-    (lambda: extension(geometry={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
+    (lambda: extension(priors={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
     # Populations.
     (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|positive prior_range"),
     (
         lambda: population(likelihood=pm.Normal.dist(0.5, 0.3)),
         "'pressure_sd' has draws such as -",
     ),
-    (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
+    (lambda: ph.Variability(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
+    (lambda: population(variability="test"), "variability is 'test'|ph.Variability"),
     (lambda: population(priors={"mu": HALF}), "prior is given for 'mu'|spread"),
     (
         lambda: population(likelihood=PLAIN(1, force_sd=1, force_offset_sd=HALF)),

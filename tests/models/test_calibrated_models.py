@@ -51,8 +51,11 @@ def every_signal():
         ph.Ogden(),
         ph.inflation_data(frame, tube, check="ignore"),
         likelihood,
-        geometry={"thickness": ph.MeasuredValue(sd=0.04)},
-        priors={"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)},
+        priors={
+            "mu": pm.LogNormal.dist(2.0, 0.3),
+            "alpha": pm.LogNormal.dist(1.4, 0.2),
+            "thickness": ph.MeasuredValue(sd=0.04),
+        },
     )
 
 

@@ -126,9 +126,8 @@ def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
     with pm.Model() as own:
         log_mu, alpha = pm.Normal("log_mu", 1, 0.3), pm.Uniform("alpha", 0, 20)
         sd, radius = pm.HalfNormal("sd"), pm.Uniform("unloaded", 6.9, 7.1)
-        settings = {"priors": {"mu": pm.math.exp(log_mu), "alpha": alpha}}
-        settings |= {"geometry": {"inner_radius": radius}, "mode": "quadrature"}
-        part = ph.inflation_model(OGDEN, curves(), sd, **settings)
+        priors = {"mu": pm.math.exp(log_mu), "alpha": alpha, "inner_radius": radius}
+        part = ph.inflation_model(OGDEN, curves(), sd, priors=priors, mode="quadrature")
         layers = [ph.Layer(ph.Demiray(), 1.0, b=alpha), ph.Layer(ph.Demiray(), 1.0, b=alpha)]
         thick = unknown_curves(outer_radius=None)
         ph.inflation_model(layers, thick, NOISE, name="wall", mode="quadrature")

@@ -142,7 +142,7 @@ def test_layers_of_unknown_geometry_share_errors_too():
     data = dataset(measured="outer_diameter", outer_radius=None)
     media = ph.Layer(ph.NeoHookean(), 1.2, mu=pm.Flat.dist())
     adventitia = ph.Layer(OGDEN, pm.Flat.dist(), mu=4.0, alpha=5.0)
-    settings = {"geometry": free("inner_radius"), "observed": True, "mode": "quadrature"}
+    settings = {"priors": free("inner_radius"), "observed": True, "mode": "quadrature"}
     model = model_of(data, [media, adventitia], errors=SDS, **settings)
     function = function_of(model)
     (found,) = function(mu_1=20.0, thickness_2=0.7, inner_radius=7.1)

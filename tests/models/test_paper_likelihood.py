@@ -144,12 +144,11 @@ def test_gradient_by_material_and_noise_is_that_of_the_exact_likelihood(mode):
 
 
 def test_parameters_and_geometry_may_be_numbers():
-    """Numbers have double precision, and a geometry takes the place of that of the data."""
+    """Numbers have double precision, and a measure of the tube replaces that of the data."""
     data, likelihood = dataset(FRAMES[0]), ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
-    parameters, geometry = {"mu": 30, "alpha": 6.7}, {"inner_radius": pt.constant(7.1)}
+    parameters = {"mu": 30, "alpha": 6.7, "inner_radius": pt.constant(7.1)}
     with pm.Model() as model:
-        settings = {"geometry": geometry}
-        ph.inflation_likelihood("curves", ph.Ogden(), data, likelihood, parameters, **settings)
+        ph.inflation_likelihood("curves", ph.Ogden(), data, likelihood, parameters)
     moved = data.assign(inner_radius=("test", [7.1]))
     expected = exact_likelihood(ph.Ogden(), [[30.0, 6.7]], moved)
     found = model["curves"].eval(mode=AS_WRITTEN)

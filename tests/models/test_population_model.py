@@ -82,7 +82,8 @@ def log_normal(value, median, sd):
 def test_density_is_that_of_the_stated_model(data, differ):
     """Priors, correlated specimens, their experiments, noises and pressures, by SciPy."""
     sigma = pm.LogNormal.dist(np.log(0.7), 0.5) if differ else SIGMA
-    settings = {"experiment_effect": differ, "reference_stress": 30.0}
+    variability = ph.Variability(experiment_effect=differ, reference_stress=30.0)
+    settings = {"variability": variability}
     if differ:
         settings["priors"] = {"location": pm.Normal.dist([-1.0, 2.0], 0.4, shape=2)}
         settings["priors"] |= {"effect_spread": pm.Exponential.dist(3.0)}

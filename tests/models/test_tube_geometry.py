@@ -83,11 +83,9 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
     names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
     missing = {name: np.nan for name in names if name in TUBE}
     likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)
-    unknown = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
-    priors = {name: unknown.pop(name) for name in OGDEN}
+    priors = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
     data = tube_data(measured, **missing)
-    settings = {"priors": priors, "geometry": unknown, "mode": "quadrature"}
-    model = ph.ogden_model(data, likelihood, **settings)
+    model = ph.ogden_model(data, likelihood, priors=priors, mode="quadrature")
     (value,) = model.replace_rvs_by_values([model["likelihood"]])
     outputs = [value, *pytensor.grad(value, model.value_vars)]
     function = pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
@@ -188,11 +186,11 @@ def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     """The likelihood is that of data with the deviating tube; the prior is standard normal."""
     stated = measured == "radius"  # by the data, or by the model
     data = other = ring_data(measured, sds) if stated else ring_data(measured)
-    geometry = {
+    priors = {
         name: ph.MeasuredValue() if stated else ph.MeasuredValue(sd) for name, sd in sds.items()
     }
     settings = {"likelihood": NOISE, "mode": "quadrature"}
-    model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
+    model = ph.inflation_model(ph.Ogden(), data, **settings, priors=priors)
     for z, (name, sd) in zip(Z, sds.items(), strict=False):
         other = changed(other, name, z, sd)
     other = with_radii(other)

@@ -43,9 +43,9 @@ def measured(*unknown: str) -> xr.Dataset:
     return data.assign({name: np.nan * data[name] for name in unknown})
 
 
-def sampled(energy=None, data=None, geometry=None, **draws) -> xr.DataTree:
+def sampled(energy=None, data=None, priors=None, **draws) -> xr.DataTree:
     data = measured() if data is None else data
-    model = ph.inflation_model(energy or ph.NeoHookean(), data, NOISE, geometry=geometry)
+    model = ph.inflation_model(energy or ph.NeoHookean(), data, NOISE, priors=priors)
     return as_sampled(model, **draws)
 
 
@@ -77,7 +77,7 @@ def results() -> dict[str, xr.DataTree]:
     no_tube = measured("inner_radius", "outer_radius")
     settings = {"draws": 100, "chains": 2, "training": {"soft": TRAINING["soft"]}}
     with pytest.warns(UserWarning, match="class 'soft': the fit is doubtful"):  # specimens differ
-        pooled = fit(variability="none", **settings)
+        pooled = fit(variability=None, **settings)
     layers = sampled(LAYERS, measured("outer_radius"), **LAYER_DRAWS)
     return {
         "inflation_model": sampled(mu=(40.0, 2.0)),
@@ -272,7 +272,7 @@ def predict(tree, **settings):
 
 
 def fit_layers():
-    return fit(LAYERS, {"C": measured("outer_radius")}, variability="none")
+    return fit(LAYERS, {"C": measured("outer_radius")}, variability=None)
 
 
 def with_experiment_effect(tree):

@@ -11,7 +11,7 @@ from stored_results import classified, fitted_class, fitted_classes
 from variable_classes import TRAINING, classify, curves
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.reports.settings import priors_of_class
 
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
@@ -21,7 +21,7 @@ AT = {"at": [2.0]}
 
 
 def left_out():
-    """Return a stored result of ph.calibration_report."""
+    """Return a stored result of ph.cross_validate."""
     of_specimens = {"true_class": ["soft", "stiff", "stiff"], "left_out": ["A", "B", "B"]}
     probability = [[[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan]]]
     of_law = ("strain_energy", "specimen")
@@ -205,10 +205,10 @@ def test_explanations_have_a_table_of_their_parts(write_words):
 
 
 def test_settings_list_the_priors_of_hierarchical_classes():
-    settings = {"priors": {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}}
-    settings |= {"experiment_effect": True}
-    noise = pm.LogNormal.dist(0.0, 1.0)
-    found = priors_of_class(kind_of_settings("specimen", ph.Ogden(), noise, **settings))
+    noise, priors = pm.LogNormal.dist(0.0, 1.0), {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}
+    variability = ph.Variability(experiment_effect=True)
+    kind = HierarchicalClass.of_settings(ph.Ogden(), noise, priors, variability)
+    found = priors_of_class(kind)
     assert found["location[log_alpha]"] == "Normal(1.897, 1.2)"
     assert found["effect_spread"] == "LogNormal(−1, 0.25)"
     assert found["pressure_sd"] == "LogNormal(0, 1) kPa"

@@ -1,6 +1,5 @@
 """The likelihood of inflation curves, as a part of a model of the user's own."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward import Mode
+from pymc_hyperelastic.models.geometry import split_by_owner
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
 from pymc_hyperelastic.models.likelihoods.gaussian import as_likelihood
 from pymc_hyperelastic.parallel import one_thread
@@ -27,7 +27,6 @@ def inflation_likelihood(
     likelihood: Likelihood | Any,
     parameters: dict[str, Any],
     *,
-    geometry: Mapping[str, Any] | None = None,
     mode: Mode = "auto",
 ) -> TensorVariable:
     """Add the likelihood of inflation curves to the PyMC model of the context, as a Potential.
@@ -45,10 +44,9 @@ def inflation_likelihood(
         :class:`~pymc_hyperelastic.SlopeAugmented`. Its arguments may be variables of the model. A
         number or variable alone is the standard deviation of a pressure, kPa.
     parameters : dict of str to tensor_like
-        The material parameters by name: random variables, expressions or numbers.
-    geometry : dict of str to tensor_like, optional
-        Values of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
-        (rad) in place of those of the data: scalars for all tests.
+        The material parameters by name: random variables, expressions or numbers. It may also hold
+        ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle`` (rad), in
+        place of those of the data: scalars for all tests.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated: by constant matrices, whose cost does not depend on the number
         of points, or by quadrature at every point. "auto" chooses matrices if their curves are
@@ -64,8 +62,8 @@ def inflation_likelihood(
     TypeError
         If the parameters are not those of the strain energy, or no model is in context.
     ValueError
-        If the name is taken, the likelihood declares observed variables, or the data lack what it
-        needs.
+        If the name is taken, the likelihood declares observed variables, the data lack what it
+        needs, or a material parameter has the name of a measure of the tube.
 
     See Also
     --------
@@ -83,6 +81,7 @@ def inflation_likelihood(
     """
     if pm.Model.get_context(error_if_none=False) is None:
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
+    # One material only: a wall of layers is a list.
     check_energy(energy)
     likelihood = as_likelihood(likelihood)
     if likelihood.observed:
@@ -90,13 +89,12 @@ def inflation_likelihood(
             "the likelihood has observed=True, but this function adds a Potential: leave observed "
             "away, or call ph.inflation_model inside `with pm.Model():`"
         )
-    geometry = {} if geometry is None else geometry
-    for name_of_dict, values in {"parameters": parameters, "geometry": geometry}.items():
-        if not isinstance(values, Mapping):
-            raise TypeError(f"{name_of_dict} must be a dict by name, not {type(values).__name__}")
+    parameters, geometry = split_by_owner(energy, "parameters", parameters)
     strangers = [key for key in geometry if key not in GEOMETRY]
     if strangers:
-        raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
+        raise ValueError(
+            f"parameters holds {strangers[0]!r}; of the measures of the tube it may hold {GEOMETRY}"
+        )
     likelihood.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}

@@ -1,62 +1,39 @@
 """Classes with variability: the parameters of each specimen are drawn from a class distribution.
 
-:class:`Variability` fits such classes and predicts new specimens. Fitting, classification,
+:class:`HierarchicalClass` fits such classes and predicts new specimens. Fitting, classification,
 cross-validation and comparison of classes call it through the interface ``ClassKind``.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import asdict, dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.classes.distribution import (
-    ClassModel,
-    draws_of_class,
-    fit_distribution,
-)
+from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
+from pymc_hyperelastic.classes.hierarchical_prediction import SpecimenPredictive
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
-    Data,
     Fitted,
     Fold,
-    Prediction,
+    Groups,
     Predictor,
     Seed,
-    training_evidence,
 )
-from pymc_hyperelastic.classes.specimen_evidence import (
-    PARTS,
-    hybrid_evidences,
-    near_class,
-    specimen_evidence,
-)
-from pymc_hyperelastic.classes.specimens import (
-    SpecimenSampler,
-    fresh_specimens,
-    reference_of,
-)
-from pymc_hyperelastic.classes.typicality import (
-    either,
-    misfit_p_value,
-    noise_p_value,
-    typical_p_value,
-)
+from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
+from pymc_hyperelastic.classes.specimen_evidence import parts_of
+from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import worst_verdict
-from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.keeping import Remember, compute_now, named
 from pymc_hyperelastic.evidence.smc import seed_of
-from pymc_hyperelastic.evidence.stored import read_numbers, reading
+from pymc_hyperelastic.evidence.stored import reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.mechanics.interpolation import evenly
-from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
@@ -65,8 +42,6 @@ from pymc_hyperelastic.models.class_distribution import (
     distributions_of,
 )
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.geometry import check_geometry
-from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.settings import (
     ModelSettings,
@@ -75,6 +50,7 @@ from pymc_hyperelastic.models.settings import (
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.models.variability import Variability
 
 Array = NDArray[np.float64]
 
@@ -86,45 +62,25 @@ _INACCURATE = 0.25
 _CHECKED_MATERIALS = 64
 # Number of tests for which the curves are compared.
 _CHECKED_TESTS = 12
-# Misfit, and degrees of freedom, of a class whose file stores neither: their ratio is 1, without
-# an error, as if the residuals were exactly as large as the noise.
-_DEFAULT_MISFIT = xr.DataArray([1e9])
 
 
 @dataclass(frozen=True)
-class Variability(Population, ClassKind):
+class HierarchicalClass(Population, ClassKind):
     """Settings of classes with variability."""
 
-    variability: ClassVar[str] = "specimen"
+    stored_as: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     fresh_specimens: ClassVar[bool] = True
-
-    @classmethod
-    def of_settings(
-        cls,
-        energy: StrainEnergy | Sequence[Layer],
-        likelihood: Likelihood | Any,
-        *,
-        priors: Mapping[str, Any] | None = None,
-        geometry: Mapping[str, Any] | None = None,
-        experiment_effect: bool = False,
-        reference_stress: float | None = 20.0,
-    ) -> "Variability":
-        """Return the kind from arguments of :func:`~pymc_hyperelastic.population_model`."""
-        observed = as_likelihood(likelihood).as_observed()
-        settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
-        return cls(energy, observed, *settings)
 
     @property
     def parts(self) -> tuple[str, ...]:
         """Parts of the class distribution that these settings have, see ``PARTS``."""
-        optional = {"experiments": bool(self.experiment_effect), "noise": bool(self.noises)}
-        return tuple(part for part in PARTS if optional.get(part, True))
+        return parts_of(self)
 
     @property
     def in_words(self) -> str:
         """``"with experiment effect"`` if the experiments on a specimen differ, else ``""``."""
-        return "with experiment effect" if self.experiment_effect else ""
+        return "with experiment effect" if self.variability.experiment_effect else ""
 
     @cached_property
     def reference(self) -> ClassDistribution:
@@ -138,8 +94,8 @@ class Variability(Population, ClassKind):
     def _curves_of_specimens(self, data: xr.Dataset) -> ForwardModel:
         """Return the forward model of single specimens."""
         # Without an experiment effect all tests of a specimen share its parameters.
-        by_test, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
-        return self.forward_model(data, by_test=by_test, **accuracy, inaccurate=_INACCURATE)
+        settings = {"tolerance": LARGEST_CURVE_ERROR, "inaccurate": _INACCURATE}
+        return self.forward_model(data, by_test=self.variability.experiment_effect, **settings)
 
     def settings(self) -> ModelSettings:
         """Return the settings as they are stored in a result.
@@ -154,13 +110,12 @@ class Variability(Population, ClassKind):
             self.priors or {},
             self.likelihood,
             self.geometry,
-            variability=self.variability,
-            experiment_effect=bool(self.experiment_effect),
-            reference_stress=self.reference_stress,
+            variability=self.stored_as,
+            **asdict(self.variability),
         )
 
     @classmethod
-    def from_settings(cls, settings: ModelSettings) -> "Variability":
+    def from_settings(cls, settings: ModelSettings) -> "HierarchicalClass":
         """Return the kind of a fitted class from its stored settings."""
         likelihood = settings.make_likelihood()
         if likelihood is None:
@@ -168,8 +123,7 @@ class Variability(Population, ClassKind):
         return cls(
             settings.make_wall(),
             likelihood,
-            settings.experiment_effect,
-            settings.reference_stress,
+            Variability(settings.experiment_effect, settings.reference_stress),
             settings.make_priors(),
             settings.make_geometry(),
         )
@@ -182,13 +136,13 @@ class Variability(Population, ClassKind):
             names = self.scale.names
         check_evidence(fitted)
         needed = ["location", "spread", *(SPREAD_OF_NOISE[noise] for noise in self.noises)]
-        if self.experiment_effect:
+        if self.variability.experiment_effect:
             needed += ["experiment_spread", "effect_spread"]
         check_class(fitted, names, needed)
 
     def fit(
         self,
-        classes: Data,
+        groups: Groups,
         draws: int,
         chains: int,
         seed: Seed,
@@ -202,13 +156,13 @@ class Variability(Population, ClassKind):
         """
         check_count("draws", draws, 100)
         check_count("chains", chains, 1)
-        self.check_classes(classes)
+        self.check_groups(groups)
         self.settings()
-        return self._fitted(classes, draws, chains, seed, progressbar, remember)
+        return self._fitted(groups, draws, chains, seed, progressbar, remember)
 
     def _fitted(
         self,
-        classes: Data,
+        groups: Groups,
         draws: int,
         chains: int,
         seed: Seed,
@@ -217,14 +171,12 @@ class Variability(Population, ClassKind):
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         progress, model = create_simple_progress(progressbar), ClassModel(self)
         # One step for each specimen, for the first fit, and for each chain.
-        steps = sum(len(specimens_of(data)[0]) + 1 + chains for data in classes.values())
+        steps = sum(len(specimens_of(data)[0]) + 1 + chains for data in groups.values())
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=steps)
             advance = partial(progress.advance, bar)
-            seeds = seed.spawn(len(classes))
-            for i, ((name, data), class_seed) in enumerate(
-                zip(classes.items(), seeds, strict=True)
-            ):
+            seeds = seed.spawn(len(groups))
+            for i, ((name, data), class_seed) in enumerate(zip(groups.items(), seeds, strict=True)):
                 rng, sampler = np.random.default_rng(class_seed), self.sampler(data)
                 remember_part = named(f"class-{i}", remember)
                 try:
@@ -264,41 +216,41 @@ class Variability(Population, ClassKind):
         return forward.refined(tests, materials)
 
     def leave_out(
-        self, classes: Data, seed: Seed, remember: Remember = compute_now
-    ) -> Callable[[Collection[str], int, int], Fold]:
+        self, groups: Groups, seed: Seed, remember: Remember = compute_now
+    ) -> Callable[[Collection[str], int], Fold]:
         """Return a function that fits the classes without some specimens, and predicts these.
 
         All specimens are sampled once, here. A fold only fits the distributions of the classes. See
         ``ClassKind.leave_out``.
         """
         rng, model = np.random.default_rng(seed), ClassModel(self)
-        samplers = {name: self.sampler(data) for name, data in classes.items()}
+        samplers = {name: self.sampler(data) for name, data in groups.items()}
         specimens = {
             name: sample_specimens(
                 samplers[name], data, seed, remember=named(f"class-{i}", remember)
             )
-            for i, (name, data) in enumerate(classes.items())
+            for i, (name, data) in enumerate(groups.items())
         }
         all_draws = {
             name: draws_of_class(model, samplers[name], data, specimens[name], rng)
-            for name, data in classes.items()
+            for name, data in groups.items()
         }
 
-        def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
+        def fold(left_out: Collection[str], draws: int) -> Fold:
             fitted, fold_seed = {}, seed_of(seed, ", ".join(left_out))
             for name, class_draws in all_draws.items():
                 kept = {s: d for s, d in class_draws.specimens.items() if s not in left_out}
                 (class_seed,) = fold_seed.spawn(1)
                 fitted[name] = fit_distribution(
-                    model, class_draws._replace(specimens=kept), draws, chains, class_seed
+                    model, class_draws._replace(specimens=kept), draws, 1, class_seed
                 )
             rng = np.random.default_rng(*fold_seed.spawn(1))
             predictions = {}
-            for name, data in classes.items():
+            for name, data in groups.items():
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
                 for specimen, part in specimens_apart(data, left_out).items():
                     predictions[specimen] = predictive(part, rng, specimens[name][specimen])
-            return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
+            return Fold.of(fitted, predictions)
 
         return fold
 
@@ -346,101 +298,3 @@ def sample_specimens(
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error
     return draws
-
-
-def _misfits_of(fitted: xr.DataTree) -> tuple[Array, Array]:
-    """Return the sum of squares of each specimen of a class, and its degrees of freedom."""
-    stored = fitted.children.get("specimens", {})
-    misfit, freedom = (
-        read_numbers(fitted, "specimens", name, ("specimen",), finite=False)
-        if name in stored
-        else _DEFAULT_MISFIT
-        for name in ("misfit", "freedom")
-    )
-    return misfit.values, freedom.values
-
-
-class SpecimenPredictive:
-    """Evidence and p-values of new specimens under fitted classes.
-
-    Parameters
-    ----------
-    settings : Variability
-        Settings of all classes.
-    classes : dict of str to xarray.DataTree
-        The fitted classes by name.
-    sampler : SpecimenSampler
-        Sampler of the new specimens.
-    """
-
-    def __init__(
-        self, settings: Variability, classes: Mapping[str, xr.DataTree], sampler: SpecimenSampler
-    ) -> None:
-        self._settings, self._sampler = settings, sampler
-        self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
-        # Older files do not store the misfit of the class's specimens.
-        self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
-        self._class_samplers: dict[str, SpecimenSampler] = {}
-
-    def __call__(
-        self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None
-    ) -> list[Prediction]:
-        """Return the evidence and the p-values of a specimen under each class.
-
-        `draws` are those of the specimen under the reference distribution, if it was sampled
-        before.
-        """
-        draws = draws or self._sampler(data, rng)
-        predictions: list[Prediction] = []
-        samples = [draws]
-        for number, (name, distributions) in enumerate(self._distributions.items()):
-            evidence = specimen_evidence(draws, distributions)
-            if evidence.pareto_k >= LARGEST_PARETO_K:
-                # Sample again, under a reference distribution near this class.
-                samples.append(self._class_sampler(name)(data, rng))
-                again = specimen_evidence(samples[-1], distributions)
-                if again.pareto_k < evidence.pareto_k:
-                    # No other class shares these draws, and so none shares their error.
-                    evidence = again._replace(own_error=again.log_evidence.standard_error)
-            predictions.append(
-                Prediction(
-                    evidence.log_evidence,
-                    evidence.own_error,
-                    evidence.method,
-                    evidence.pareto_k,
-                    *self._p_values(draws, name, rng),
-                    partial(self._hybrids, samples, predictions, number),
-                )
-            )
-        return predictions
-
-    def _hybrids(
-        self, samples: list[SpecimenDraws], predictions: list[Prediction], number: int, other: int
-    ) -> Array:
-        """Return the log evidences of hybrids of two classes, see ``Prediction.hybrids``."""
-        distributions, parts = [*self._distributions.values()], self._settings.parts
-        evidences = predictions[number].log_evidence, predictions[other].log_evidence
-        ends = evidences[0].value, evidences[1].value
-        return hybrid_evidences(samples, distributions[number], distributions[other], parts, ends)
-
-    def _class_sampler(self, name: str) -> SpecimenSampler:
-        """Return the sampler whose reference distribution is near a class."""
-        if name not in self._class_samplers:
-            reference = near_class(self._distributions[name])
-            sampler = SpecimenSampler(self._settings, self._sampler.forward, reference)
-            self._class_samplers[name] = sampler
-        return self._class_samplers[name]
-
-    def _p_values(
-        self, draws: SpecimenDraws, name: str, rng: np.random.Generator
-    ) -> tuple[float, float, float]:
-        """Return three p-values of a specimen under a class: combined, of the wall, of the fit."""
-        reference, distributions = self._sampler.reference, self._distributions[name]
-        typical = typical_p_value(draws, self._settings, reference, distributions, rng)
-        fits = []
-        if self._settings.noises:
-            fits.append(noise_p_value(draws, reference, distributions, rng))
-        if self._settings.known_noise:
-            fits.append(misfit_p_value(draws, *self._misfits[name]))
-        fit = either(*fits)
-        return either(typical, fit), typical, fit

@@ -4,7 +4,7 @@ import json
 import warnings
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import asdict
-from functools import cached_property, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -15,8 +15,8 @@ from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws, labels_of
-from pymc_hyperelastic.classes.fit import check_classes
-from pymc_hyperelastic.classes.interface import ClassKind, Fold
+from pymc_hyperelastic.classes.fit import check_groups, manifest_of
+from pymc_hyperelastic.classes.interface import ClassKind, Fold, Groups
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
@@ -24,31 +24,26 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, seed_kept
 from pymc_hyperelastic.evidence.verdicts import worst_of
-from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import PACKAGE
-from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.parallel import one_thread
 
 Array = NDArray[np.float64]
 
 
 @one_thread
-def calibration_report(
+def cross_validate(
     energy: StrainEnergy | Sequence[StrainEnergy | Layer | Sequence[Layer]],
-    classes: Mapping[str, xr.Dataset],
+    groups: Mapping[str, xr.Dataset],
     likelihood: Likelihood | Any,
     *,
-    variability: Literal["none", "specimen"] = "specimen",
-    experiment_effect: bool = False,
-    reference_stress: float | None = 20.0,
+    variability: Variability | Literal["specimen"] | None = "specimen",
     priors: dict[str, Any] | None = None,
-    geometry: Mapping[str, MeasuredValue] | None = None,
     leave_out: Mapping[str, Hashable] | None = None,
     draws: int = 1000,
-    chains: int = 1,
     random_seed: Any = None,
     progressbar: bool = True,
     store: str | Path | None = None,
@@ -69,17 +64,15 @@ def calibration_report(
         the specimens that are not left out; p-values are averaged with the same weights. Strain
         energies of one type, such as ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with
         their settings.
-    classes : dict of str to xarray.Dataset
-        Data of each class by its name, as for :func:`fit_classes`.
-    likelihood, variability, experiment_effect, reference_stress, priors, geometry
+    groups : dict of str to xarray.Dataset
+        Data by the name of the group, which is also that of its class, as for :func:`fit_classes`.
+    likelihood, variability, priors
         See :func:`~pymc_hyperelastic.fit_classes`.
     leave_out : dict of str to hashable, optional
-        Label of the group of each specimen, such as its animal: specimens of one group are left out
-        together. By default each specimen is left out separately.
+        Label of each specimen, such as its animal: specimens of one label are left out together. By
+        default each specimen is left out separately.
     draws : int, default 1000
-        Number of posterior draws of each class per chain, at least 100.
-    chains : int, default 1
-        Number of independent chains.
+        Number of posterior draws of each class, at least 100.
     random_seed : int, optional
         Seed of the random numbers; the same seed gives the same result.
     progressbar : bool
@@ -97,7 +90,7 @@ def calibration_report(
         (strain_energy, specimen, class_label). With several strain energies, the last entry of
         ``strain_energy`` is ``"average"``, and the weights are ``strain_energy_probability``
         (strain_energy, specimen) with the standard errors ``strain_energy_probability_se``.
-        Specimens have the coordinates ``true_class`` and ``left_out``, their group. Log evidences
+        Specimens have the coordinates ``true_class`` and ``left_out``, their label. Log evidences
         and log scores are in nats. For one strain energy, ``class_probability`` and ``true_class``
         can be passed to :func:`~pymc_hyperelastic.score_probabilities`, and its result to
         :func:`~pymc_hyperelastic.plot_reliability`.
@@ -105,7 +98,7 @@ def calibration_report(
     Raises
     ------
     TypeError, ValueError
-        If data, priors or numbers are invalid, a specimen is in two classes or not in `leave_out`,
+        If data, priors or numbers are invalid, a specimen is in two groups or not in `leave_out`,
         two specimens that are not left out together have the same curve, or a class would have no
         specimen left.
 
@@ -117,7 +110,7 @@ def calibration_report(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> report = ph.calibration_report(
+    >>> scores = ph.cross_validate(
     ...     ph.Ogden(),
     ...     {name: ph.select(data, group=name) for name in ("C1", "C2")},
     ...     ph.Gaussian(pressure_sd=4 * ph.mmHg),
@@ -125,69 +118,48 @@ def calibration_report(
     ...     random_seed=1,
     ...     progressbar=False,
     ... )
-    >>> report["log_score"].sizes["specimen"]
+    >>> scores["log_score"].sizes["specimen"]
     5
     """
     energies = _walls(energy)
     check_count("draws", draws, 100)
-    check_count("chains", chains, 1)
-    check_classes(classes)
-    for data in classes.values():
+    check_groups(groups)
+    for data in groups.values():
         check_inflation_data(data)
     # Names of specimens may be numbers: convert them to text, as in `leave_out` and in results.
-    classes = {
+    groups = {
         name: data.assign_coords(specimen=data["specimen"].astype(str))
-        for name, data in classes.items()
+        for name, data in groups.items()
     }
-    true_class = _true_classes(classes)
+    true_class = _true_classes(groups)
     units = _units(true_class, leave_out)
-    _check_left(classes, true_class, units)
-    check_left_out(classes, units)
-    kinds = [
-        kind_of_settings(
-            variability,
-            law,
-            likelihood,
-            priors=priors,
-            geometry=geometry,
-            experiment_effect=experiment_effect,
-            reference_stress=reference_stress,
-        )
-        for law in energies
-    ]
+    _check_left(groups, true_class, units)
+    check_left_out(groups, units)
+    kinds = [kind_of_settings(law, likelihood, priors, variability) for law in energies]
     for kind in kinds:
-        kind.check_classes(classes)
+        kind.check_groups(groups)
     seed = seed_kept(random_seed, store)
-    remember = remembering(store, lambda: _manifest(kinds, classes, units, draws, chains, seed))
-    seeds = seed.spawn(len(kinds))
-    found = _leave_out_each(
-        kinds, classes, true_class, units, draws, chains, seeds, progressbar, remember
+    remember = remembering(
+        store,
+        lambda: manifest_of(
+            "cross_validate",
+            groups,
+            seed,
+            laws=[asdict(kind.settings()) for kind in kinds],
+            left_out={specimen: str(unit) for specimen, unit in units.items()},
+            draws=draws,
+        ),
     )
-    report = _tabulate(found, labels_of(kinds), list(classes), true_class, units)
+    folds = [
+        _folds(kind, groups, of_law, draws, named(f"law-{i}", remember))
+        for i, (kind, of_law) in enumerate(zip(kinds, seed.spawn(len(kinds)), strict=True))
+    ]
+    found = _leave_out_each(folds, list(groups), units, progressbar)
+    result = _tabulate(found, labels_of(kinds), list(groups), true_class, units)
     if not kinds[0].has_p_value:
-        report = report.drop_vars("p_value")
-    report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
-    return _with_scores(report)
-
-
-def _manifest(
-    kinds: Sequence[ClassKind],
-    classes: Mapping[str, xr.Dataset],
-    units: Mapping[str, Hashable],
-    draws: int,
-    chains: int,
-    seed: np.random.SeedSequence,
-) -> dict[str, Any]:
-    """Return the settings on which the numbers of a report depend, for a store."""
-    return {
-        "work": "calibration_report",
-        "laws": [asdict(kind.settings()) for kind in kinds],
-        "left_out": {specimen: str(unit) for specimen, unit in units.items()},
-        "draws": draws,
-        "chains": chains,
-        "random_seed": seed.entropy,
-        "data": digests_of(classes),
-    }
+        result = result.drop_vars("p_value")
+    result.attrs = {"variability": kinds[0].stored_as, "random_seed": json.dumps(seed.entropy)}
+    return _with_scores(result)
 
 
 def _walls(energy: Any) -> list[Any]:
@@ -201,14 +173,14 @@ def _walls(energy: Any) -> list[Any]:
     return walls
 
 
-def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
-    """Return the class of each specimen; ValueError if a name occurs in two classes."""
+def _true_classes(groups: Groups) -> dict[str, str]:
+    """Return the class of each specimen; ValueError if a name occurs in two groups."""
     true_class: dict[str, str] = {}
-    for name, data in classes.items():
+    for name, data in groups.items():
         for specimen in dict.fromkeys(data["specimen"].values.tolist()):
             if specimen in true_class:
                 raise ValueError(
-                    f"specimen {specimen!r} is in the classes {true_class[specimen]!r} and "
+                    f"specimen {specimen!r} is in the groups {true_class[specimen]!r} and "
                     f"{name!r}: give each specimen a unique name"
                 )
             true_class[specimen] = name
@@ -218,12 +190,12 @@ def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
 def _units(
     true_class: Mapping[str, str], leave_out: Mapping[str, Hashable] | None
 ) -> dict[str, Hashable]:
-    """Return the label of the group with which each specimen is left out."""
+    """Return the label of each specimen: specimens of one label are left out together."""
     if leave_out is None:
         return {specimen: specimen for specimen in true_class}
     if not isinstance(leave_out, Mapping):
         raise TypeError(
-            "leave_out must be a dict from names of specimens to labels of their groups, not "
+            "leave_out must be a dict from names of specimens to labels such as their animals, not "
             f"{type(leave_out).__name__}"
         )
     units = {str(specimen): unit for specimen, unit in leave_out.items()}
@@ -236,15 +208,15 @@ def _units(
 
 
 def _check_left(
-    classes: Mapping[str, xr.Dataset], true_class: Mapping[str, str], units: Mapping[str, Hashable]
+    groups: Groups, true_class: Mapping[str, str], units: Mapping[str, Hashable]
 ) -> None:
-    """Raise ValueError if a class consists of specimens that are left out together."""
+    """Raise ValueError if a group consists of specimens that are left out together."""
     for unit in dict.fromkeys(units.values()):
-        for name in classes:
+        for name in groups:
             left = [s for s, c in true_class.items() if c == name and units[s] != unit]
             if not left:
                 raise ValueError(
-                    f"class {name!r} has no specimen left without {unit!r}: a class needs at least "
+                    f"group {name!r} has no specimen left without {unit!r}: a class needs at least "
                     "one specimen that is not left out"
                 )
 
@@ -260,20 +232,17 @@ class _Results(NamedTuple):
     """Reliability of the training evidence, shape (law, specimen)."""
 
 
+# Function of the number of a fold and of the specimens that it leaves out; its dataset holds the
+# fields of ``_Results`` for these specimens.
+Folds = Callable[[int, Collection[str]], xr.Dataset]
+
+
 def _leave_out_each(
-    kinds: Sequence[ClassKind],
-    classes: Mapping[str, xr.Dataset],
-    true_class: Mapping[str, str],
-    units: Mapping[str, Hashable],
-    draws: int,
-    chains: int,
-    seeds: Sequence[np.random.SeedSequence],
-    progressbar: bool,
-    remember: Remember,
+    folds: Sequence[Folds], names: Sequence[str], units: Mapping[str, Hashable], progressbar: bool
 ) -> _Results:
     """Fit without each unit in turn, for each strain energy, and classify its specimens."""
-    specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
-    shape = len(kinds), len(specimens), len(classes)
+    specimens, every_unit = list(units), list(dict.fromkeys(units.values()))
+    shape = len(folds), len(specimens), len(names)
     found = _Results(
         np.full(shape, np.nan),
         np.full(shape, np.nan),
@@ -282,20 +251,16 @@ def _leave_out_each(
     )
     progress = create_simple_progress(progressbar)
     with progress:
-        total = len(kinds) * (1 + len(every_unit))
+        total = len(folds) * (1 + len(every_unit))
         bar = progress.add_task("Leaving out", completed=0, total=total)
         try:
-            for i, (kind, seed) in enumerate(zip(kinds, seeds, strict=True)):
-                folds = _Folds(kind, classes, seed, draws, chains, named(f"law-{i}", remember))
+            for i, fold in enumerate(folds):
                 progress.advance(bar)
                 for number, unit in enumerate(every_unit):
-                    out = [s for s in specimens if units[s] == unit]
-                    held = folds(number, out)
+                    held = fold(number, [s for s in specimens if units[s] == unit])
                     place = i, [specimens.index(s) for s in held["specimen"].values.tolist()]
-                    found.log_evidence[place] = held["log_evidence"].values
-                    found.p_value[place] = held["p_value"].values
-                    found.training[place] = held["training"].values
-                    found.verdict[place] = held["verdict"].item()
+                    for name, values in found._asdict().items():
+                        values[place] = held[name].values
                     progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn(
@@ -304,34 +269,18 @@ def _leave_out_each(
     return found
 
 
-class _Folds:
-    """Results of one strain energy for each group of left-out specimens, stored once computed.
+def _folds(
+    kind: ClassKind, groups: Groups, seed: np.random.SeedSequence, draws: int, remember: Remember
+) -> Folds:
+    """Return the folds of one strain energy, each stored once it is computed."""
 
-    The setup that is common to all fits is done at the first fit that is not stored.
-    """
+    @cache
+    def setup() -> Callable[[Collection[str], int], Fold]:
+        # Common to all folds, and needed for the first one that is not stored.
+        return kind.leave_out(groups, seed, remember)
 
-    def __init__(
-        self,
-        kind: ClassKind,
-        classes: Mapping[str, xr.Dataset],
-        seed: np.random.SeedSequence,
-        draws: int,
-        chains: int,
-        remember: Remember,
-    ) -> None:
-        self._remember = remember
-        self._leave_out = partial(kind.leave_out, classes, seed, remember)
-        self._size = draws, chains
-
-    @cached_property
-    def _fold(self) -> Callable[[Collection[str], int, int], Fold]:
-        return self._leave_out()
-
-    def __call__(self, number: int, left_out: Collection[str]) -> xr.Dataset:
-        return self._remember(f"fold-{number}", lambda: self._held(left_out))
-
-    def _held(self, left_out: Collection[str]) -> xr.Dataset:
-        training, verdict, predictions = self._fold(left_out, *self._size)
+    def compute(left_out: Collection[str]) -> xr.Dataset:
+        training, verdict, predictions = setup()(left_out, draws)
         rows, dims = [*predictions.values()], ("specimen", "class_label")
         values = [[p.log_evidence.value for p in row] for row in rows]
         return xr.Dataset(
@@ -343,6 +292,8 @@ class _Folds:
             },
             {"specimen": [*predictions]},
         )
+
+    return lambda number, left_out: remember(f"fold-{number}", lambda: compute(left_out))
 
 
 def _tabulate(
@@ -392,13 +343,13 @@ def _tabulate(
     )
 
 
-def _with_scores(report: xr.Dataset) -> xr.Dataset:
-    """Return the report with the log score and Brier score of each specimen."""
-    probability = report["class_probability"]
+def _with_scores(result: xr.Dataset) -> xr.Dataset:
+    """Return the result with the log score and Brier score of each specimen."""
+    probability = result["class_probability"]
     computed = probability.notnull().all("class_label")
-    of_truth = xr.where(computed, probability.sel(class_label=report["true_class"]), np.nan)
-    truth = (report["class_label"] == report["true_class"]).astype(float)
+    of_truth = xr.where(computed, probability.sel(class_label=result["true_class"]), np.nan)
+    truth = (result["class_label"] == result["true_class"]).astype(float)
     with np.errstate(divide="ignore"):
-        report["log_score"] = np.log(of_truth).drop_vars("class_label")
-    report["brier_score"] = ((probability - truth) ** 2).sum("class_label", skipna=False)
-    return report
+        result["log_score"] = np.log(of_truth).drop_vars("class_label")
+    result["brier_score"] = ((probability - truth) ** 2).sum("class_label", skipna=False)
+    return result
