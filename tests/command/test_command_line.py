@@ -83,7 +83,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     found = pd.read_csv(study / "classified.csv")
     assert found["specimen"].tolist() == ["S1", "S2", "S3", "S4", "S5"]
     assert found["decision"].tolist() == found["group"].tolist()
-    result = ph.open_cohort(study / "classified")
+    result = ph.open_result(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
     # Another fit replaces the first one only if it is asked to.

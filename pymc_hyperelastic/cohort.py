@@ -10,10 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.cohorts.open import GROUP
-from pymc_hyperelastic.cohorts.representatives import representatives
-from pymc_hyperelastic.cohorts.run import run_cohort
-from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, joined, labels_of
+from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
@@ -22,6 +19,18 @@ from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.io.batches import (
+    DOUBTFUL,
+    Prepared,
+    UnitWork,
+    failure,
+    joined,
+    labels_of,
+    run_in_batches,
+    warn_of,
+)
+from pymc_hyperelastic.io.open import GROUP, open_result
+from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
@@ -50,7 +59,7 @@ _COMPARED = 16
 
 
 @dataclass(frozen=True)
-class Fitting(Work):
+class Fitting(UnitWork):
     """A model, and the summary of its posterior that is kept of each specimen or experiment."""
 
     name: ClassVar[str] = "fit_cohort"
@@ -230,19 +239,16 @@ def fit_cohort(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     likelihood: Likelihood | Any,
-    store: str | Path,
+    store: str | Path | Store,
     *,
     by: Literal["specimen", "test"] = "specimen",
     priors: Mapping[str, Any] | None = None,
     geometry: Mapping[str, Any] | None = None,
     properties: Mapping[str, Any] | None = None,
     draws: int = 500,
-    client: Any = None,
-    cores: int | None = None,
-    batch_size: int = 64,
     random_seed: Any = None,
     progressbar: bool = True,
-) -> None:
+) -> xr.DataTree:
     """Sample many specimens separately, in batches, and keep finished batches in a folder.
 
     The model of each specimen is :func:`~pymc_hyperelastic.inflation_model` of its own tests. Its
@@ -263,8 +269,8 @@ def fit_cohort(
     likelihood : Gaussian, SlopeAugmented, float or distribution
         The measured quantities and their errors, see
         :func:`~pymc_hyperelastic.inflation_model`; distributions with numbers for parameters.
-    store : str or Path
-        The folder. It is made if it is missing; with a `client` all its workers have to reach it.
+    store : Store, str or Path
+        The folder, and who computes; see :class:`Store`.
     by : {"specimen", "test"}
         What is fitted by itself: all experiments on a specimen together, or each experiment.
     priors, geometry
@@ -275,21 +281,20 @@ def fit_cohort(
         elastic properties of each specimen are kept, as median and 95 % interval.
     draws : int, default 500
         Draws of each posterior.
-    client : distributed.Client, optional
-        Workers of Dask. Without one the work is done on this machine.
-    cores : int, optional
-        Processes of this machine; all cores when missing, and this very process if it is 1.
-    batch_size : int, default 64
-        Specimens of a part of the store.
     random_seed : int, optional
         The same seed gives the same result. Without one it is chosen, and kept in the store.
     progressbar : bool
         Whether to show progress.
 
+    Returns
+    -------
+    xarray.DataTree
+        The result, as :func:`open_result` reads it from the store: what is needed is read when it
+        is needed.
+
     See Also
     --------
-    open_cohort : The result.
-    classify_cohort : Held against classes.
+    Store, open_result, classify
 
     Raises
     ------
@@ -302,18 +307,19 @@ def fit_cohort(
     Warns
     -----
     UserWarning
-        If something failed, or a fit is doubtful: the posterior is at a limit of a prior, or its
-        best curve is further from the data than the noise explains; if a part of the store is
-        damaged: it is computed again.
+        If a specimen of the store failed, or its fit is doubtful: the posterior is at a limit of a
+        prior, or its best curve is further from the data than the noise explains; if a part of the
+        store is damaged: it is computed again.
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
     >>> likelihood = ph.Gaussian(pressure_sd=0.5)
-    >>> settings = {"random_seed": 1, "cores": 1, "progressbar": False}
-    >>> ph.fit_cohort(ph.Ogden(), data, likelihood, "fitted", **settings)
-    >>> ph.open_cohort("fitted")["evidence"]["error"].values.tolist()
+    >>> settings = {"random_seed": 1, "progressbar": False}
+    >>> store = ph.Store("fitted", cores=1)
+    >>> cohort = ph.fit_cohort(ph.Ogden(), data, likelihood, store, **settings)
+    >>> cohort["evidence"]["error"].values.tolist()
     ['', '']
     """
     check_count("draws", draws, 2)
@@ -333,8 +339,11 @@ def fit_cohort(
     with LOCK:  # not around the batches: workers may be threads of this process
         wall, *unknown = work.stated()
         work.likelihood.check(wall, data, *unknown)
-    running = {"client": client, "cores": cores, "batch_size": batch_size}
-    run_cohort(work, data, store, **running, progressbar=progressbar)
+    remarks = run_in_batches(work, work.manifest(), data, store, progressbar=progressbar)
+    warn_of(remarks, len(units_of(data, by)))
+    found = open_result(store)
+    assert isinstance(found, xr.DataTree)
+    return found
 
 
 def _record(name: str, value: Any) -> Any:
