@@ -277,8 +277,8 @@ better = evidence.sum().idxmax()
 fitted = classes[better]
 fitted.to_netcdf(OUT / "classes.nc")
 # On all cores, and kept eight by eight.
-ph.classify_cohort(new, fitted, OUT / "store of new ones", batch_size=8, **settings)
-result = ph.open_cohort(OUT / "store of new ones").load()
+store = ph.Store(OUT / "store of new ones", batch_size=8)
+result = ph.classify(new, fitted, by="specimen", store=store, **settings).load()
 result.to_netcdf(OUT / "new.nc")
 
 # %%

@@ -13,9 +13,7 @@ from pymc_hyperelastic.classes.divergence import kl_divergence
 from pymc_hyperelastic.classes.explain import explain_classification
 from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.scores import score_probabilities
-from pymc_hyperelastic.cohorts.classify import classify_cohort
-from pymc_hyperelastic.cohorts.fit import fit_cohort
-from pymc_hyperelastic.cohorts.open import open_cohort
+from pymc_hyperelastic.cohort import fit_cohort
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
@@ -30,7 +28,9 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.evidence.smc import sample_smc
-from pymc_hyperelastic.io.results import open_result, save_result
+from pymc_hyperelastic.io.open import open_result
+from pymc_hyperelastic.io.results import save_result
+from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.mechanics import strain_energy
 from pymc_hyperelastic.mechanics.curves import axial_force, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.mechanics.integrals import PressureIntegral
@@ -130,8 +130,7 @@ __all__ = [
     "simulation_based_calibration",
     "score_probabilities",
     "fit_cohort",
-    "classify_cohort",
-    "open_cohort",
+    "Store",
     "save_result",
     "open_result",
     "plot_inflation",

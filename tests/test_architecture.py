@@ -96,7 +96,7 @@ def test_wings_import_only_from_wings_above_them_on_the_page():
 
 @pytest.mark.parametrize(
     "wing",
-    ["mechanics", "data", "evidence", "models", "io", "classes", "cohorts", "plots", "reports"],
+    ["parallel", "mechanics", "data", "evidence", "models", "io", "classes", "plots", "reports"],
 )
 def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
     assert_upward(mapped_rooms(wing), arrows(PACKAGE / wing, (wing,)))

@@ -85,13 +85,12 @@ def main() -> None:
         store = args.out / f"{args.kind}-{cores}"
         fresh = not store.exists()
         start = time.perf_counter()
-        ph.classify_cohort(
-            data, classes, store, cores=cores, batch_size=args.batch_size, random_seed=1
-        )
+        computed = ph.Store(store, cores=cores, batch_size=args.batch_size)
+        ph.classify(data, classes, by="specimen", store=computed, random_seed=1)
         seconds = time.perf_counter() - start
         size = sum(path.stat().st_size for path in store.iterdir())
         start = time.perf_counter()
-        opened = ph.open_cohort(store)
+        opened = ph.open_result(store)
         opening = time.perf_counter() - start
         start = time.perf_counter()
         opened["class_probability"].isel(specimen=args.specimens // 2).load()

@@ -23,7 +23,7 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.io import atomic
-from pymc_hyperelastic.io.store import Store
+from pymc_hyperelastic.io.store import Parts
 
 options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 options.add_argument("--kills", type=int, default=20, help="of each job (%(default)s)")
@@ -40,12 +40,12 @@ SETTINGS = {"draws": 50, "random_seed": 1}
 
 def create(folder: Path) -> None:
     """Make a store and its first part."""
-    Store(folder / "store", {"random_seed": 1}).remember("part", RESULT.copy)
+    Parts(folder / "store", {"random_seed": 1}).remember("part", RESULT.copy)
 
 
 def write_manifest(folder: Path) -> None:
     """Make a store whose manifest is long."""
-    Store(folder / "store", {"settings": list(range(100_000))})
+    Parts(folder / "store", {"settings": list(range(100_000))})
 
 
 def fit(folder: Path) -> None:
@@ -54,9 +54,7 @@ def fit(folder: Path) -> None:
         ph.Ogden(),
         DATA,
         0.5,
-        folder / "store",
-        batch_size=1,
-        cores=1,
+        ph.Store(folder / "store", cores=1, batch_size=1),
         progressbar=False,
         **SETTINGS,
     )
@@ -75,7 +73,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 def posteriors(folder: Path) -> dict[str, xr.Dataset]:
     """Return the groups of a cohort."""
-    found = ph.open_cohort(folder / "store").load()
+    found = ph.open_result(folder / "store").load()
     return {name: node.to_dataset() for name, node in found.children.items()}
 
 

@@ -1,7 +1,7 @@
 """Classification of new data by fitted classes, compiled once for any number of specimens.
 
-:func:`~pymc_hyperelastic.classify`, :func:`~pymc_hyperelastic.classify_cohort` and
-:func:`~pymc_hyperelastic.explain_classification` use :class:`Classification`.
+:func:`~pymc_hyperelastic.classify` and :func:`~pymc_hyperelastic.explain_classification` use
+:class:`Classification`.
 """
 
 import json
@@ -19,7 +19,7 @@ from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_classes
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
-from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
@@ -35,6 +35,8 @@ from pymc_hyperelastic.messages import PACKAGE
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 # Prediction for data whose computation raised an error.
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
+# Decision for rows with an unreliable evidence or p-value that could change it.
+_UNJUDGED = "cannot be judged"
 #: Attribute of decisions: checksums of the classes by which they were made, as JSON.
 CLASSES = "classes"
 # Difference of log posteriors, in nats, below the most probable class, at which an unreliable
@@ -56,7 +58,8 @@ class Classification:
     classes, by, class_prior, average_over, undecided_below, none_below, random_seed
         See :func:`classify`.
     like : xarray.Dataset
-        Data whose ranges of radii, stretches and geometry cover those of all data to be classified.
+        Valid inflation data whose ranges of radii, stretches and geometry cover those of all data
+        to be classified.
     """
 
     def __init__(
@@ -96,7 +99,6 @@ class Classification:
                 "ph.fit_classes(..., variability='specimen')"
             )
         self._fresh_specimens = any(kind.fresh_specimens for kind in kinds)
-        check_inflation_data(like)
         seed = seed_sequence(random_seed)
         self._entropy, self._seeds = seed.entropy, seed.spawn(len(kinds))
         self._predictors = [
@@ -108,15 +110,12 @@ class Classification:
         """Raise for data in the training data, or warn about other data of their specimens."""
         check_new(data, self.trees[0].children, self._fresh_specimens)
 
-    def manifest(self, data: xr.Dataset) -> dict[str, Any]:
-        """Return all inputs on which the results for these data depend, for a store."""
+    def manifest(self) -> dict[str, Any]:
+        """Return all inputs besides the data on which the results depend, for a store."""
         return {
-            "work": "classify",
-            "by": self.by,
             "class_prior": self._prior.tolist(),
             **self._limits,
             "classes": self._identity,
-            **digests_of({"data": data}),
             "random_seed": self._entropy,
         }
 
@@ -141,8 +140,6 @@ class Classification:
                 except (ValueError, ArithmeticError) as error:
                     # One specimen must not end a batch.
                     predictions[i], errors[i] = [_FAILED] * classes, str(error)
-                    message = f"{describe_test(part, 0)} cannot be judged: {error}"
-                    warnings.warn(message, skip_file_prefixes=(PACKAGE,))
                 advance()
         except KeyboardInterrupt:
             if not interruptible:
@@ -224,15 +221,12 @@ def are_of_classes(decisions: xr.Dataset, trees: Sequence[xr.DataTree]) -> bool:
     return all(made_with in digests for made_with in read_json(decisions, CLASSES, []))
 
 
-def warn_of_doubt(result: xr.Dataset) -> None:
-    """Warn if evidences of some rows are unreliable; rows with an error have their own warning."""
-    doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
-    if unclear := int(doubtful.any("class_label").sum()):
-        warnings.warn(
-            f"{unclear} of {len(result['decision'])} cannot be judged: see class_verdict, "
-            "log_evidence_se, pareto_k and p_value",
-            skip_file_prefixes=(PACKAGE,),
-        )
+def in_doubt(result: xr.Dataset) -> list[bool]:
+    """Return True for rows whose evidences are unreliable; False for rows with an error."""
+    if "decision" not in result:
+        return [False] * len(result["error"])
+    doubtful = result["decision"].values == _UNJUDGED
+    return (doubtful & (result["error"].values == "")).tolist()
 
 
 def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
@@ -293,18 +287,18 @@ def _decide(
     names = result["class_label"].values.tolist()
     decision = np.array([names[j] for j in probability.argmax(axis=1)], dtype=object)
     decision[~(probability.max(axis=1) >= undecided_below)] = "undecided"
-    decision[_in_doubt(result, prior)] = "cannot be judged"
+    decision[_is_unreliable(result, prior)] = _UNJUDGED
     if "p_value" in result and none_below:
         p_value = result["p_value"].values.round(_DIGITS)
-        decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
+        decision[np.isnan(p_value).any(axis=1)] = _UNJUDGED
         decision[(p_value < none_below).all(axis=1)] = "none of these"
-    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
+    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = _UNJUDGED
     # The error is infinite for rows that failed, and NaN for rows that were not computed.
     decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
     return xr.DataArray(decision.astype(str), dims=result["class_probability"].dims[:1])
 
 
-def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
+def _is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
     """Return True for rows with an unreliable evidence that could change the decision."""
     with np.errstate(divide="ignore"):
         log_posterior = result["log_evidence"].values + np.log(prior)

@@ -1,31 +1,50 @@
 """Classify new experiments or specimens by their marginal likelihood under fitted classes."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.classes.classification import Classification, warn_of_doubt
-from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.classes.classification import Classification, in_doubt
+from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.representatives import representatives
+from pymc_hyperelastic.data.select import units_of
 from pymc_hyperelastic.evidence.keeping import seed_kept
+from pymc_hyperelastic.io.batches import Prepared, Remarks, UnitWork, run_in_batches
+from pymc_hyperelastic.io.open import open_result
 from pymc_hyperelastic.io.store import Store
-from pymc_hyperelastic.parallel import one_thread
-
-# Options of xarray.concat for results of single experiments or specimens: variables without the
-# dimension of the rows are equal in all of them, and are taken from the first.
-_CONCAT_OPTIONS: dict[str, Any] = {
-    "data_vars": "minimal",
-    "coords": "minimal",
-    "compat": "override",
-    "join": "override",
-    "combine_attrs": "override",
-}
+from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.models.settings import wall_of
+from pymc_hyperelastic.parallel import LOCK
 
 
-@one_thread
+@dataclass(frozen=True)
+class Classifying(UnitWork):
+    """Classes and settings of a classification, as they are sent to the workers of a store."""
+
+    name: ClassVar[str] = "classify"
+
+    by: str
+    classes: xr.DataTree
+    like: xr.Dataset
+    settings: dict[str, Any]
+    materials: list[Any]
+    """Strain energies of the classes: a worker learns of a user's own law by receiving it."""
+
+    def prepare(self) -> Prepared:
+        """Set up the classification."""
+        return Classification(self.classes, self.like, by=self.by, **self.settings).of
+
+    def doubts(self, result: xr.Dataset) -> list[str]:
+        """Return a text for each row whose evidences are unreliable."""
+        return ["unreliable evidence" if doubt else "" for doubt in in_doubt(result)]
+
+
 def classify(
     new_data: xr.Dataset,
     classes: xr.DataTree,
@@ -35,9 +54,9 @@ def classify(
     average_over: Sequence[xr.DataTree] = (),
     undecided_below: float = 0.0,
     none_below: float = 0.0,
+    store: str | Path | Store | None = None,
     random_seed: Any = None,
     progressbar: bool = True,
-    store: str | Path | None = None,
 ) -> xr.Dataset:
     r"""Compute the posterior probability of each class for new experiments or specimens.
 
@@ -80,14 +99,16 @@ def classify(
         If the p-values of all classes are below this value, the decision is "none of these". With
         0.05, up to one in twenty specimens that belong to a class is decided so. Only for classes
         with variability.
+    store : Store, str or Path, optional
+        Folder for finished batches, and who computes them, see :class:`Store`: for many specimens,
+        several processes or a cluster. After an interrupt or a kill, the same call continues. The
+        numbers of an experiment or specimen are the same as without a store.
     random_seed : int, optional
-        Seed of the random numbers; the same seed gives the same result.
+        Seed of the random numbers; the same seed gives the same result. Without one it is chosen,
+        and kept in the store.
     progressbar : bool
-        Whether to show progress. After an interrupt, results that are not yet computed are NaN.
-    store : str or Path, optional
-        Folder in which the result of each experiment or specimen is stored. After an interrupt, the
-        same call continues from there. For many specimens use
-        :func:`~pymc_hyperelastic.classify_cohort`.
+        Whether to show progress. After an interrupt, results that are not yet computed are NaN;
+        with a store, the interrupt is raised.
 
     Returns
     -------
@@ -127,22 +148,29 @@ def classify(
 
         ``error`` : message of the error for rows whose computation failed; empty for others.
 
+        With a store the result is read from it when it is needed, see :func:`open_result`. If a
+        process dies several times while it computes a row, `error` says so, all numbers of the row
+        are NaN, its decision is empty, and the next call computes the row again.
+
     Warns
     -----
     UserWarning
         If new data and training data of classes with variability contain different experiments on
-        the same specimen; if a row cannot be judged; or if an interrupt leaves rows uncomputed.
+        the same specimen; if a row cannot be judged; if an interrupt leaves rows uncomputed; or if
+        a part of the store is damaged, which is computed again.
 
     Raises
     ------
     TypeError, ValueError
         If the data are invalid or contain training data, `classes` are not fitted classes of one
-        model, a class could not be fitted and `class_prior` is missing, or `class_prior` does not
-        hold a probability of each class.
+        model, a class could not be fitted and `class_prior` is missing, `class_prior` does not
+        hold a probability of each class, or the store holds other work.
+    OSError
+        If the store cannot be written, or no worker is left. Finished batches are kept.
 
     See Also
     --------
-    fit_classes, explain_classification, plot_class_probability
+    fit_classes, explain_classification, plot_class_probability, Store, fit_cohort
 
     Examples
     --------
@@ -154,30 +182,48 @@ def classify(
     >>> result["class_probability"].idxmax("class_label").item()
     'C2'
     """
-    classification = Classification(
-        classes,
-        new_data,
-        by=by,
-        class_prior=class_prior,
-        average_over=average_over,
-        undecided_below=undecided_below,
-        none_below=none_below,
-        random_seed=seed_kept(random_seed, store).entropy,
-    )
-    classification.check_new(new_data)
-    units = units_of(new_data, by)
-    with (progress := create_simple_progress(progressbar)):
-        bar = progress.add_task("Classifying", completed=0, total=len(units))
-        advance = partial(progress.advance, bar)
-        if store is None:
+    check_inflation_data(new_data)
+    like = representatives(new_data)
+    settings: dict[str, Any] = {
+        "class_prior": class_prior,
+        "average_over": average_over,
+        "undecided_below": undecided_below,
+        "none_below": none_below,
+        "random_seed": seed_kept(random_seed, store).entropy,
+    }
+    with LOCK:
+        classification = Classification(classes, like, by=by, **settings)
+        classification.check_new(new_data)
+    layers = [wall_of(child) for tree in classification.trees for child in tree.children.values()]
+    materials = [layer.energy for wall in layers for layer in wall]
+    work, units = Classifying(by, classes, like, settings, materials), units_of(new_data, by)
+    if store is None:
+        with LOCK, (progress := create_simple_progress(progressbar)):
+            bar = progress.add_task("Classifying", completed=0, total=len(units))
+            advance = partial(progress.advance, bar)
             result = classification.of(new_data, advance, interruptible=True)
-        else:
-            kept = Store(store, classification.manifest(new_data))
-            rows = []
-            for i, tests in enumerate(units.values()):
-                judge = partial(classification.of, tests_at(new_data, tests))
-                rows.append(kept.remember(f"{by}-{i}", judge))
-                advance()
-            result = xr.concat(rows, by, **_CONCAT_OPTIONS)
-    warn_of_doubt(result)
+        remarks = work.remarks(result, [*units])
+    else:
+        # Without the lock: workers may be threads of this process.
+        manifest = classification.manifest()
+        remarks = run_in_batches(work, manifest, new_data, store, progressbar=progressbar)
+        opened = open_result(store)
+        assert isinstance(opened, xr.Dataset)
+        result = opened
+    _warn(remarks, new_data, units)
     return result
+
+
+def _warn(remarks: Remarks, data: xr.Dataset, units: Mapping[str, Sequence[int]]) -> None:
+    """Warn if the computation of rows failed, or evidences are unreliable."""
+    if remarks.failed:
+        label, error = next(iter(remarks.failed.items()))
+        name, others = describe_test(data, units[label][0]), len(remarks.failed) - 1
+        also = f"; nor can {others} of the others: see 'error' of the result" if others else ""
+        warnings.warn(f"{name} cannot be judged: {error}{also}", skip_file_prefixes=(PACKAGE,))
+    if remarks.doubtful:
+        warnings.warn(
+            f"{len(remarks.doubtful)} of {len(units)} cannot be judged: see class_verdict, "
+            "log_evidence_se, pareto_k and p_value",
+            skip_file_prefixes=(PACKAGE,),
+        )

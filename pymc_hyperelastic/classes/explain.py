@@ -8,6 +8,8 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification
+from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import units_of
 from pymc_hyperelastic.parallel import one_thread
 
@@ -92,9 +94,10 @@ def explain_classification(
     >>> bool(found["log_ratio_part"].sel(class_label="C2").sum("part") > 0)  # against class C1
     True
     """
+    check_inflation_data(new_data)
     classification = Classification(
         classes,
-        new_data,
+        representatives(new_data),
         by=by,
         class_prior=class_prior,
         average_over=average_over,

@@ -12,10 +12,9 @@ import pandas as pd
 import typer
 import xarray as xr
 
+from pymc_hyperelastic.classes.classify import classify as classify_new
 from pymc_hyperelastic.classes.compare_classes import compare_classes
 from pymc_hyperelastic.classes.fit import fit_classes
-from pymc_hyperelastic.cohorts.classify import classify_cohort
-from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
 from pymc_hyperelastic.data.files import read_tests
@@ -23,7 +22,7 @@ from pymc_hyperelastic.data.files.read import settings_of_study
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.io.results import save_result
-from pymc_hyperelastic.io.store import OtherWork
+from pymc_hyperelastic.io.store import OtherWork, Store
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.inflation import plot_inflation
@@ -223,22 +222,18 @@ def classify(
     data = _split(read_tests(files, settings), "new")
     classes, *others = classes_of(study)
     compute = partial(
-        classify_cohort,
+        classify_new,
         data,
         classes,
-        study / CLASSIFIED,
         by=by.value,
         average_over=others,
         undecided_below=undecided_below,
         none_below=none_below,
-        cores=cores,
+        store=Store(study / CLASSIFIED, cores=cores),
         random_seed=seed,
         progressbar=not quiet,
     )
-    _computed(compute, study / CLASSIFIED, overwrite=overwrite)
-    found = open_cohort(study / CLASSIFIED)
-    assert isinstance(found, xr.Dataset)
-    table = _table(found.load())
+    table = _table(_computed(compute, study / CLASSIFIED, overwrite=overwrite).load())
     path = study / "classified.csv"
     _without_formulas(table).to_csv(path, index=False)
     typer.echo(table.to_string(index=False, float_format="{:.3f}".format))

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from pymc_hyperelastic.cohorts.open import open_cohort
-from pymc_hyperelastic.io.results import open_result
+from pymc_hyperelastic.io.open import open_result
 from pymc_hyperelastic.models.settings import law_names_of
 
 CLASSES, COMPARISON = "classes", "comparison"
@@ -44,7 +43,7 @@ def results_of(folder: Path) -> dict[str, xr.Dataset | xr.DataTree]:
         laws = " and ".join(law_names_of(next(iter(tree.children.values()))))
         results["Classes" if len(trees) == 1 else f"Classes of {laws}"] = tree
     if (folder / CLASSIFIED).is_dir():
-        classified = open_cohort(folder / CLASSIFIED)
+        classified = open_result(folder / CLASSIFIED)
         assert isinstance(classified, xr.Dataset)
         results["New specimens"] = classified.load()
     for path in sorted(folder.glob(f"{COMPARISON}-*.nc")):

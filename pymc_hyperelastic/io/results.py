@@ -26,7 +26,7 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     """Write a result to a netCDF file, whole or not at all.
 
     It is written beside the file, which it replaces when all of it is on the disk, with a checksum,
-    which :func:`open_result` compares.
+    which :func:`~pymc_hyperelastic.open_result` compares.
 
     Parameters
     ----------
@@ -73,18 +73,8 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
         raise failed from error
 
 
-def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
+def open_file(path: str | Path) -> xr.DataTree | xr.Dataset:
     """Read a result from a netCDF file, and compare its checksum.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file of :func:`save_result`, or of ``to_netcdf`` of a result.
-
-    Returns
-    -------
-    xarray.DataTree or xarray.Dataset
-        All of it, in memory.
 
     Raises
     ------
@@ -92,23 +82,12 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
         If there is no such file, or it cannot be read: no permission, a network disk that fails.
     ValueError
         If it is no netCDF file of a result, cut off or damaged, or was changed since.
-
-    See Also
-    --------
-    save_result
-
-    Examples
-    --------
-    >>> import pymc_hyperelastic as ph
-    >>> ph.save_result(ph.load_dataset("simulated_sheep_aorta"), "aorta.nc")
-    >>> ph.open_result("aorta.nc").sizes["test"]
-    15
     """
     return _loaded(path, xr.open_datatree)
 
 
 def open_table(path: str | Path) -> xr.Dataset:
-    """The same of a result that is one Dataset: sooner, since nothing asks for groups."""
+    """Read a result that is one Dataset; faster than :func:`open_file`."""
     table = _loaded(path, partial(xr.open_dataset, decode_times=False))
     assert isinstance(table, xr.Dataset)
     return table

@@ -4,17 +4,18 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.keeping import registered_stores
 from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
 from pymc_hyperelastic.io.checksum import digest_of
-from pymc_hyperelastic.io.results import DamagedFile, open_result, save_result
+from pymc_hyperelastic.io.results import DamagedFile, open_file, save_result
 from pymc_hyperelastic.messages import PACKAGE, in_one_line, shown
 from pymc_hyperelastic.models.settings import OLDER_VERSION
 
@@ -39,6 +40,78 @@ class OtherWork(ValueError):
 
 
 @dataclass(frozen=True)
+class Store:
+    """Folder that keeps the finished parts of a long computation, and who computes the parts.
+
+    After an interrupt or a kill, the same call with the same folder continues. The result does not
+    depend on who computes it, nor on the size of the batches. A path given as a store means
+    ``Store(path)``.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The folder. It is created if it is missing; all workers of a `client` have to reach it.
+    client : distributed.Client, optional
+        Client of Dask, whose workers compute. Without one, this machine computes.
+    cores : int, optional
+        Number of processes of this machine: by default one for each core. With 1 the calling
+        process computes.
+    batch_size : int, default 64
+        Number of specimens, or tests, in a batch. A worker computes one batch at a time, and keeps
+        it in one file of the folder.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `client` is no client of Dask, `cores` or `batch_size` is no whole number above 0, or
+        both `client` and `cores` are given.
+
+    See Also
+    --------
+    fit_cohort, classify, open_result
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> classes = ph.open_result("pooled.nc")  # saved from the example of fit_classes
+    >>> new = ph.select(data, specimen="S4", experiment=3)
+    >>> store = ph.Store("classified", cores=1, batch_size=8)
+    >>> found = ph.classify(new, classes, store=store, random_seed=2, progressbar=False)
+    >>> ph.open_result(store).equals(found)
+    True
+    """
+
+    folder: str | Path
+    _: KW_ONLY
+    client: Any = None
+    cores: int | None = None
+    batch_size: int = 64
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "folder", Path(self.folder))
+        check_count("batch_size", self.batch_size, 1)
+        if self.cores is not None:
+            check_count("cores", self.cores, 1)
+        if self.client is None:
+            return
+        if not hasattr(self.client, "submit"):
+            raise TypeError(
+                f"client is {shown(self.client)}; expected a client of Dask: "
+                "dask.distributed.Client(address)"
+            )
+        if self.cores is not None:
+            raise ValueError(
+                "cores is the number of processes of this machine, and the workers of client "
+                "compute: give client or cores, not both"
+            )
+
+    def __fspath__(self) -> str:
+        """Return the folder, so that a store is also a path."""
+        return str(self.folder)
+
+
+@dataclass(frozen=True)
 class Part:
     """The file of a part and the hash of its store, as a worker needs them to write the part."""
 
@@ -53,8 +126,8 @@ class Part:
         save_result(result, self.path)
 
 
-class Store:
-    """Parts of a long computation, each of which is whole or not there.
+class Parts:
+    """Parts of a long computation in a folder, each of which is complete or not there.
 
     The folder holds a manifest, which describes the computation, and one netCDF file for each part.
     It is created if it is missing. After an interrupt or a kill, the same call continues.
@@ -116,8 +189,8 @@ class Store:
         return result
 
     def of_part(self, name: str) -> Part:
-        """Return the path of a part and the hash of this store."""
-        return Part(self.part(name), self.hash)
+        """Return the absolute path of a part and the hash of this store."""
+        return Part(self.part(name).absolute(), self.hash)
 
     def kept(self, name: str) -> Any:
         """Return the part of this name; None if it is missing or damaged.
@@ -127,7 +200,7 @@ class Store:
         """
         path = self.part(name)
         try:
-            result = open_result(path)
+            result = open_file(path)
         except FileNotFoundError:
             return None
         except DamagedFile as error:
@@ -194,8 +267,8 @@ def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None
         if missing:
             return None
         raise FileNotFoundError(
-            f"{folder} is no store: it has no {_MANIFEST}; ph.fit_cohort and ph.classify_cohort "
-            "make one"
+            f"{folder} is no store: it has no {_MANIFEST}; ph.fit_cohort and "
+            "ph.classify(..., store=...) make one"
         ) from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is damaged: it is no JSON: {in_one_line(error)}") from None
@@ -247,4 +320,4 @@ def _check_empty(folder: Path) -> None:
         )
 
 
-registered_stores.append((seed_in, lambda folder, manifest: Store(folder, manifest).remember))
+registered_stores.append((seed_in, lambda folder, manifest: Parts(folder, manifest).remember))

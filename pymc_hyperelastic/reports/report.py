@@ -116,7 +116,7 @@ def report(
     ----------
     result : xarray.DataTree, xarray.Dataset, or a list or dict of them
         Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`,
-        :func:`explain_classification`, :func:`open_cohort`, :func:`compare_classes`,
+        :func:`explain_classification`, :func:`fit_cohort`, :func:`compare_classes`,
         :func:`cross_validate`, :func:`expected_information` and :func:`plan_study`, or
         inflation data. Several are given as a list, or as a dict of titles to results. If more than
         200 specimens were classified, decisions are counted, and the specimens with the least clear
@@ -211,7 +211,7 @@ def kind_of(result: Any) -> Kind:
             if {*kind.names.split()} <= {*result.variables}:
                 return kind
     raise TypeError(
-        "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.open_cohort, "
+        "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.fit_cohort, "
         "ph.compare_classes, ph.cross_validate, ph.expected_information and ph.plan_study, "
         "inflation data, or a list or a dict of titles with several of these; got "
         f"{_described(result)}"

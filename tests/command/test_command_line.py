@@ -84,7 +84,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     found = pd.read_csv(study / "classified.csv")
     assert found["specimen"].tolist() == ["S1", "S2", "S3", "S4", "S5"]
     assert found["decision"].tolist() == found["group"].tolist()
-    result = ph.open_cohort(study / "classified")
+    result = ph.open_result(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
     # Another fit replaces the first one only if it is asked to.
@@ -262,8 +262,7 @@ def test_text_that_a_spreadsheet_would_compute_is_marked(run, table, tmp_path, m
         {"specimen": names, "class_label": ["-a", "b"]},
     )
     monkeypatch.setattr(commands, "classes_of", lambda study: [xr.DataTree()])
-    monkeypatch.setattr(commands, "classify_cohort", lambda *given, **settings: None)
-    monkeypatch.setattr(commands, "open_cohort", lambda store: decisions)
+    monkeypatch.setattr(commands, "classify_new", lambda *given, **settings: decisions)
     run("classify", table, "--out", tmp_path)
     found = pd.read_csv(tmp_path / "classified.csv", keep_default_na=False)
     assert found["specimen"].tolist() == ["'=1+1", "'-A", "'+A", "'@A", "S1"]

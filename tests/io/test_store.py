@@ -8,17 +8,19 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
+import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.keeping import named, remembering
 from pymc_hyperelastic.io import store as store_module
 from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.io.store import (
     OtherWork,
-    Store,
+    Parts,
     differences,
     hash_of,
     seed_in,
@@ -45,8 +47,34 @@ def test_a_part_is_computed_once(tmp_path):
     assert calls == [1, 1]
 
 
+def test_a_store_is_a_path_too(tmp_path):
+    """Work that is not done in batches needs only the folder of a store."""
+    store = ph.Store(tmp_path / "store", cores=2)
+    assert store == ph.Store(str(tmp_path / "store"), cores=2) and store.batch_size == 64
+    assert remembering(store, lambda: {"what": "fits"})("one", RESULT.copy).equals(RESULT)
+    assert sorted(path.name for path in store.folder.iterdir()) == ["manifest.json", "one.nc"]
+    for path in (store, store.folder):
+        with pytest.raises(ValueError, match=r"holds parts of a computation, and no result: the"):
+            ph.open_result(path)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"cores": 0}, ValueError, "cores is 0; expected at least 1"),
+        ({"batch_size": 2.5}, TypeError, "batch_size is 2.5; expected a whole number"),
+        ({"client": "tcp://1.2.3.4:8786"}, TypeError, "client is 'tcp.*expected a client of Dask"),
+        ({"client": SimpleNamespace(submit=map), "cores": 2}, ValueError, "client or cores"),
+    ],
+)
+def test_a_store_refuses_settings_that_nobody_can_follow(settings, error, message, tmp_path):
+    with pytest.raises(error, match=message):
+        ph.Store(tmp_path / "store", **settings)
+    assert not (tmp_path / "store").exists()
+
+
 def test_a_damaged_part_is_named_and_renamed_and_computed_again(tmp_path):
-    store = Store(tmp_path / "store", {"what": "test"})
+    store = Parts(tmp_path / "store", {"what": "test"})
     store.remember("one", RESULT.copy)
     for _ in range(2):
         store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
@@ -58,7 +86,7 @@ def test_a_damaged_part_is_named_and_renamed_and_computed_again(tmp_path):
 
 
 def test_a_part_that_cannot_be_read_is_left_as_it_is(tmp_path, monkeypatch):
-    store = Store(tmp_path / "store", {"what": "test"})
+    store = Parts(tmp_path / "store", {"what": "test"})
     store.remember("one", RESULT.copy)
     for error in (PermissionError(errno.EACCES, "denied"), OSError(errno.ESTALE, "stale")):
 
@@ -76,12 +104,12 @@ def test_a_part_that_cannot_be_read_is_left_as_it_is(tmp_path, monkeypatch):
 def test_a_store_serves_after_a_patch_release_and_not_after_a_minor_one(tmp_path, monkeypatch):
     installed = {"pymc": "6.1.0", "pytensor": "3.1.2", "numpy": "2.1.0"}
     monkeypatch.setattr(store_module, "version", installed.__getitem__)
-    Store(tmp_path / "store", {"what": "test"}).remember("one", RESULT.copy)
+    Parts(tmp_path / "store", {"what": "test"}).remember("one", RESULT.copy)
     installed |= {"pymc": "6.1.9", "pytensor": "3.1.4", "numpy": "2.2.0"}
-    assert Store(tmp_path / "store", {"what": "test"}).kept("one").equals(RESULT)
+    assert Parts(tmp_path / "store", {"what": "test"}).kept("one").equals(RESULT)
     installed["pymc"] = "6.2.0"
     with pytest.raises(OtherWork, match=r"versions, pymc is '6\.1' there and '6\.2' here"):
-        Store(tmp_path / "store", {"what": "test"})
+        Parts(tmp_path / "store", {"what": "test"})
 
 
 def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
@@ -92,12 +120,12 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
         (tmp_path / "thesis.tex" / "store", OSError, "the store .* cannot be made: "),
     ):
         with pytest.raises(error, match=message):
-            Store(folder, {})
-    store = Store(tmp_path / "store", {})
+            Parts(folder, {})
+    store = Parts(tmp_path / "store", {})
     for text in ("", "null", "[1]", '{"format": 99}', '{"format": []}', "[" * 100_000):
         (store.folder / "manifest.json").write_text(text)
         with pytest.raises(ValueError, match=r"manifest\.json"):
-            Store(store.folder, {})
+            Parts(store.folder, {})
     for name in ("", "..", "../part", "/etc/passwd", "a/b", "a\\b", ".part"):
         with pytest.raises(ValueError, match="expected letters, and no path"):
             store.remember(name, RESULT.copy)
@@ -129,7 +157,7 @@ def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_pa
     folder.mkdir()
     with atomic_write(tmp_path / "manifest.json") as beside:
         (folder / beside.name).write_text("{")
-    assert Store(folder, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
+    assert Parts(folder, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
     assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "one.nc"]
 
 
@@ -140,12 +168,12 @@ def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkey
     def meanwhile(path):
         check(path)
         monkeypatch.setattr(store_module, "_check_empty", check)
-        Store(folder, {"seed": 2})
+        Parts(folder, {"seed": 2})
 
     monkeypatch.setattr(store_module, "_check_empty", meanwhile)
     with pytest.raises(OtherWork, match="seed is 2 there and 1 here"):
-        Store(folder, {"seed": 1})
-    assert Store(folder, {"seed": 2}).kept("one") is None
+        Parts(folder, {"seed": 1})
+    assert Parts(folder, {"seed": 2}).kept("one") is None
 
 
 def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monkeypatch):
@@ -165,7 +193,7 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
 
     def made(folder, seed):
         try:
-            return Store(folder, {"seed": seed}).hash
+            return Parts(folder, {"seed": seed}).hash
         except OtherWork as told:
             return str(told)
 
@@ -181,7 +209,7 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
 
 
 def test_a_part_of_another_store_is_refused_and_left(tmp_path):
-    one, two = (Store(tmp_path / name, {"what": name}) for name in ("one", "two"))
+    one, two = (Parts(tmp_path / name, {"what": name}) for name in ("one", "two"))
     one.remember("part", RESULT.copy)
     shutil.copy(one.part("part"), two.part("part"))
     said = (
@@ -195,4 +223,4 @@ def test_a_part_of_another_store_is_refused_and_left(tmp_path):
 def test_a_store_of_an_older_format_names_the_version_that_it_needs(tmp_path):
     (tmp_path / "manifest.json").write_text('{"format": 1}')
     with pytest.raises(ValueError, match=r"it has format 1, and needs pymc_hyperelastic 0\.1"):
-        Store(tmp_path, {})
+        Parts(tmp_path, {})

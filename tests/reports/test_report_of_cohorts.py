@@ -12,7 +12,7 @@ NAMES = ["S1", "S2", "S3", "S4", "S5"]
 
 @pytest.fixture
 def cohort():
-    """Return a cohort of five specimens as ph.open_cohort gives it, without sampling."""
+    """Return a cohort of five specimens as ph.fit_cohort gives it, without sampling."""
     rng = np.random.default_rng(20261127)
     evidence = {"error": np.array([""] * 5, dtype="<U40"), "log_evidence": np.full(5, -20.0)}
     evidence |= {"log_evidence_se": np.full(5, 0.1), "pareto_k": np.full(5, 0.2)}
@@ -62,10 +62,10 @@ def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words,
 
 @pytest.mark.deep
 def test_report_of_a_fitted_cohort(write, tmp_path):
-    settings = {"random_seed": 1, "cores": 1, "draws": 100}
+    settings = {"random_seed": 1, "draws": 100, "store": ph.Store(tmp_path / "s", cores=1)}
     properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
-    ph.fit_cohort(ph.Ogden(), DATA, 0.4, tmp_path / "s", properties=properties, **settings)
-    page = write({"Cohort": ph.open_cohort(tmp_path / "s").load()})
+    fitted = ph.fit_cohort(ph.Ogden(), DATA, 0.4, properties=properties, **settings)
+    page = write({"Cohort": fitted.load()})
     assert page.column("Posterior medians of the parameters", "parameter") == ["mu", "alpha"]
     assert "compliance" in page.column("Posterior medians of the elastic", "property")
     assert "cannot be shown" not in page.text

@@ -9,11 +9,11 @@ import xarray as xr
 from simulated_work import cohort
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.cohorts.representatives import representatives
+from pymc_hyperelastic.data.representatives import representatives
 
 # The noise of the stored fits.
 LIKELIHOOD = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0)
-SERIAL = {"cores": 1, "progressbar": False, "random_seed": 3}
+QUIET = {"progressbar": False, "random_seed": 3}
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
 # Errors of medians of some 500 draws, as shares of the standard deviation: four standard errors.
@@ -23,21 +23,25 @@ ROUNDING = 1e-6
 STUDY = ph.load_dataset("simulated_sheep_aorta")
 
 
+def serial(folder):
+    """Return a store whose parts this process computes."""
+    return ph.Store(folder, cores=1)
+
+
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     store = tmp_path_factory.mktemp("fitted") / "store"
-    properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
     some = ph.select(STUDY, specimen=["S1", "S4"])
-    ph.fit_cohort(ph.Ogden(), some, LIKELIHOOD, store, properties=properties, **SERIAL)
-    return ph.open_cohort(store)
+    settings = QUIET | {"at": ph.Conditions([80, 120], pressure_unit="mmHg")}
+    return ph.fit_cohort(ph.Ogden(), some, LIKELIHOOD, serial(store), **settings)
 
 
 def test_a_property_beyond_the_measured_pressures_is_doubtful(tmp_path):
     properties = {"pressure": [300], "pressure_unit": "mmHg"}
     one = ph.select(STUDY, specimen="S1")
     with pytest.warns(UserWarning, match="1 of 1 have a doubtful fit.*S1: .*measured"):
-        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, tmp_path, properties=properties, **SERIAL)
-    (said,) = ph.open_cohort(tmp_path)["evidence"]["doubtful"].values.tolist()
+        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, serial(tmp_path), properties=properties, **QUIET)
+    (said,) = ph.open_result(tmp_path)["evidence"]["doubtful"].values.tolist()
     assert "measured" in said
 
 
@@ -74,15 +78,15 @@ def test_posterior_and_properties_of_a_specimen_equal_those_of_sampling(fitted):
 
 def test_priors_are_stored_and_a_change_of_them_is_refused(tmp_path):
     unknown = pm.HalfNormal.dist(1.0)
-    settings = SERIAL | {"draws": 50, "by": "test"}
+    settings = QUIET | {"draws": 50, "by": "test"}
     one = ph.select(STUDY, specimen="S1", experiment=[1, 2])
-    ph.fit_cohort(ph.Ogden(), one, unknown, tmp_path / "store", **settings)
-    found = ph.open_cohort(tmp_path / "store")["posterior"]["pressure_sd"]
+    ph.fit_cohort(ph.Ogden(), one, unknown, serial(tmp_path / "store"), **settings)
+    found = ph.open_result(tmp_path / "store")["posterior"]["pressure_sd"]
     assert found.sizes == {"chain": 1, "draw": 50, "test": 2}
     # The simulated errors of pressures are of the order of 1 mmHg.
     assert (abs(np.log(found.median("draw") / ph.mmHg)) < 1.5).all()
     with pytest.raises(ValueError, match=r"holds other work: .*likelihood, name is 'Gaussian'"):
-        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, tmp_path / "store", **settings)
+        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, serial(tmp_path / "store"), **settings)
 
 
 def test_a_store_of_a_law_of_another_formula_is_refused(tmp_path, monkeypatch):
@@ -99,19 +103,19 @@ def test_a_store_of_a_law_of_another_formula_is_refused(tmp_path, monkeypatch):
         return Mine()
 
     one = ph.select(STUDY, specimen="S1", experiment=1)
-    settings = SERIAL | {"draws": 50}
-    ph.fit_cohort(mine(2), one, 5.0, tmp_path, **settings)
+    settings = QUIET | {"draws": 50}
+    ph.fit_cohort(mine(2), one, 5.0, serial(tmp_path), **settings)
     with pytest.raises(ValueError, match="layers, 1 has another formula there than here"):
-        ph.fit_cohort(mine(4), one, 5.0, tmp_path, **settings)
+        ph.fit_cohort(mine(4), one, 5.0, serial(tmp_path), **settings)
 
 
 def test_wrong_settings_are_named(tmp_path):
     for settings, message in (
         ({"by": "animal"}, "by must be 'specimen' or 'test', not 'animal'"),
-        ({"properties": {"unit": "mmHg"}}, "properties must say at which pressures"),
+        ({"at": ph.Conditions()}, "at states no pressure"),
     ):
         with pytest.raises(ValueError, match=message):
-            ph.fit_cohort(ph.Ogden(), STUDY, LIKELIHOOD, tmp_path / "store", **SERIAL | settings)
+            ph.fit_cohort(ph.Ogden(), STUDY, LIKELIHOOD, tmp_path / "store", **QUIET | settings)
 
 
 def test_representatives_hold_the_extremes_of_a_large_cohort():
@@ -132,9 +136,9 @@ def test_representatives_hold_the_extremes_of_a_large_cohort():
 def test_processes_and_batches_do_not_change_numbers(tmp_path):
     new, found = ph.select(STUDY, experiment=3), []
     for number, ways in enumerate(({"cores": 1}, {"cores": 2, "batch_size": 2})):
-        store = tmp_path / f"{number}"
-        ph.fit_cohort(ph.Ogden(), new, LIKELIHOOD, store, **SERIAL | ways)
-        found.append(ph.open_cohort(store)["evidence"].to_dataset().load())
+        store = ph.Store(tmp_path / f"{number}", **ways)
+        cohort = ph.fit_cohort(ph.Ogden(), new, LIKELIHOOD, store, **QUIET)
+        found.append(cohort["evidence"].to_dataset().load())
     one, other = found
     assert (one["error"] == "").all()
     for name in ("log_evidence", "log_evidence_se"):
@@ -176,8 +180,8 @@ def test_a_doubtful_fit_is_warned_of_and_told(tmp_path):
     data = ph.inflation_data(pd.concat(frames, ignore_index=True), tube)
     settings = {"random_seed": 1, "progressbar": False}
     with pytest.warns(UserWarning, match=r"1 of 2 have a doubtful fit.* is stiff: .*limit 200"):
-        ph.fit_cohort(ph.NeoHookean(), data, 0.5, tmp_path, cores=1, **settings)
-    soft, stiff = ph.open_cohort(tmp_path)["evidence"]["doubtful"].values.tolist()
+        ph.fit_cohort(ph.NeoHookean(), data, 0.5, serial(tmp_path), **settings)
+    soft, stiff = ph.open_result(tmp_path)["evidence"]["doubtful"].values.tolist()
     assert soft == "" and "the squared residuals are" in stiff
 
 
@@ -188,8 +192,8 @@ def test_specimens_with_an_unknown_radius_are_fitted(tmp_path):
     data = data.assign(inner_radius=data["inner_radius"] * np.nan)
     priors = {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}
     priors["mu"] = pm.Uniform.dist(1.0, 60.0)
-    ph.fit_cohort(ph.NeoHookean(), data, 5.0, tmp_path / "store", priors=priors, **SERIAL)
-    found = ph.open_cohort(tmp_path / "store")
+    ph.fit_cohort(ph.NeoHookean(), data, 5.0, serial(tmp_path / "store"), priors=priors, **QUIET)
+    found = ph.open_result(tmp_path / "store")
     assert found["evidence"]["error"].values.tolist() == [""]
     radius = found["posterior"]["inner_radius"].values
     assert ((0.9 * inner < radius) & (radius < 1.05 * inner)).all()

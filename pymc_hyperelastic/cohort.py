@@ -10,10 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.cohorts.open import GROUP
-from pymc_hyperelastic.cohorts.representatives import representatives
-from pymc_hyperelastic.cohorts.run import run_cohort
-from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, joined, labels_of
+from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
@@ -22,10 +19,20 @@ from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.io.batches import (
+    DOUBTFUL,
+    Prepared,
+    UnitWork,
+    failure,
+    joined,
+    labels_of,
+    run_in_batches,
+    warn_of,
+)
+from pymc_hyperelastic.io.open import GROUP, open_result
+from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import MeasuredValue, complete_unknowns, split_by_owner
@@ -41,20 +48,18 @@ from pymc_hyperelastic.models.priors import (
 )
 from pymc_hyperelastic.models.settings import ModelSettings
 from pymc_hyperelastic.parallel import LOCK
-from pymc_hyperelastic.predictions.conditions import Conditions
+from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
-# Properties that are conditions; the others are measures of the tube and `check`.
-_OF_CONDITIONS = ("pressure", "pressure_range", "pressure_unit", "density")
 # Draws whose curves are compared with quadrature: a few show whether the integrator suits them.
 _COMPARED = 16
 
 
 @dataclass(frozen=True)
-class Fitting(Work):
+class Fitting(UnitWork):
     """A model, and the summary of its posterior that is kept of each specimen or experiment."""
 
     name: ClassVar[str] = "fit_cohort"
@@ -67,7 +72,8 @@ class Fitting(Work):
     priors: dict[str, Any]
     """Records of the priors."""
     geometry: dict[str, Any]
-    properties: dict[str, Any]
+    at: Conditions | None
+    """At which the elastic properties are kept; None keeps none."""
     draws: int
     random_seed: Any
 
@@ -78,7 +84,7 @@ class Fitting(Work):
             "likelihood": self.record,
             "priors": self.priors,
             "geometry": self.geometry,
-            "properties": self.properties,
+            "at": _as_json(self.at),
             "draws": self.draws,
             "random_seed": self.random_seed,
         }
@@ -164,10 +170,10 @@ class _Fit:
         for name, value in self.evidence.items():
             variables[name] = (by, [value], {GROUP: "evidence"})
         variables["error"] = (by, [""], {GROUP: "evidence"})
-        if work.properties:
+        if work.at is not None:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                variables |= self._properties(work, data)
+                variables |= self._properties(work, work.at, data)
             # A row has no other place for them, such as that a pressure was not measured.
             said = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
             texts = filter(None, [self.evidence[DOUBTFUL], *said])
@@ -175,14 +181,10 @@ class _Fit:
         coords = labels_of(data, by) | {"chain": [0], "draw": np.arange(work.draws)}
         return xr.Dataset(variables, coords)
 
-    def _properties(self, work: Fitting, data: xr.Dataset) -> dict[str, Any]:
+    def _properties(self, work: Fitting, at: Conditions, data: xr.Dataset) -> dict[str, Any]:
         posterior = posterior_of({name: values[None] for name, values in self.posterior.items()})
         tree = xr.DataTree.from_dict({"posterior": posterior, "constant_data": data})
-        stated = {n: v for n, v in work.properties.items() if n in _OF_CONDITIONS}
-        measures = {n: v for n, v in work.properties.items() if n in GEOMETRY}
-        rest = {n: v for n, v in work.properties.items() if n not in stated | measures}
-        at = Conditions(**stated, tube=Tube(**measures))
-        found = tube_properties(tree, at, energy=work.energy, **rest)
+        found = tube_properties(tree, at, energy=work.energy)
         quantiles = found.quantile([*QUANTILES.values()], ["chain", "draw"], skipna=True)
         properties: dict[str, Any] = {
             name: (
@@ -237,18 +239,15 @@ def fit_cohort(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     likelihood: Likelihood | Any,
-    store: str | Path,
+    store: str | Path | Store,
     *,
     by: Literal["specimen", "test"] = "specimen",
     priors: Mapping[str, Any] | None = None,
-    properties: Mapping[str, Any] | None = None,
+    at: Conditions | float | Sequence[float] | None = None,
     draws: int = 500,
-    client: Any = None,
-    cores: int | None = None,
-    batch_size: int = 64,
     random_seed: Any = None,
     progressbar: bool = True,
-) -> None:
+) -> xr.DataTree:
     """Sample many specimens separately, in batches, and keep finished batches in a folder.
 
     The model of each specimen is :func:`~pymc_hyperelastic.inflation_model` of its own tests. Its
@@ -269,33 +268,33 @@ def fit_cohort(
     likelihood : Gaussian, SlopeAugmented, float or distribution
         The measured quantities and their errors, see
         :func:`~pymc_hyperelastic.inflation_model`; distributions with numbers for parameters.
-    store : str or Path
-        The folder. It is made if it is missing; with a `client` all its workers have to reach it.
+    store : Store, str or Path
+        The folder, and who computes; see :class:`Store`.
     by : {"specimen", "test"}
         What is fitted by itself: all experiments on a specimen together, or each experiment.
     priors : dict of str to distribution or MeasuredValue, optional
         See :func:`~pymc_hyperelastic.inflation_model`; distributions of PyMC with numbers for
         parameters, which can be written down.
-    properties : dict, optional
-        Arguments of :class:`~pymc_hyperelastic.Conditions`, ``pressure`` at least, and measures of
-        the tube: these elastic properties of each specimen are kept, as median and 95 % interval.
+    at : Conditions, float or sequence of float, optional
+        Pressures (kPa, or with their unit in :class:`~pymc_hyperelastic.Conditions`) at which the
+        elastic properties of each specimen are kept, as median and 95 % interval; see
+        :func:`~pymc_hyperelastic.tube_properties`. By default no properties are kept.
     draws : int, default 500
         Draws of each posterior.
-    client : distributed.Client, optional
-        Workers of Dask. Without one the work is done on this machine.
-    cores : int, optional
-        Processes of this machine; all cores when missing, and this very process if it is 1.
-    batch_size : int, default 64
-        Specimens of a part of the store.
     random_seed : int, optional
         The same seed gives the same result. Without one it is chosen, and kept in the store.
     progressbar : bool
         Whether to show progress.
 
+    Returns
+    -------
+    xarray.DataTree
+        The result, as :func:`open_result` reads it from the store: what is needed is read when it
+        is needed.
+
     See Also
     --------
-    open_cohort : The result.
-    classify_cohort : Held against classes.
+    Store, open_result, classify
 
     Raises
     ------
@@ -308,23 +307,27 @@ def fit_cohort(
     Warns
     -----
     UserWarning
-        If something failed, or a fit is doubtful: the posterior is at a limit of a prior, or its
-        best curve is further from the data than the noise explains; if a part of the store is
-        damaged: it is computed again.
+        If a specimen of the store failed, or its fit is doubtful: the posterior is at a limit of a
+        prior, or its best curve is further from the data than the noise explains; if a part of the
+        store is damaged: it is computed again.
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
     >>> likelihood = ph.Gaussian(pressure_sd=0.5)
-    >>> settings = {"random_seed": 1, "cores": 1, "progressbar": False}
-    >>> ph.fit_cohort(ph.Ogden(), data, likelihood, "fitted", **settings)
-    >>> ph.open_cohort("fitted")["evidence"]["error"].values.tolist()
+    >>> settings = {"random_seed": 1, "progressbar": False}
+    >>> store = ph.Store("fitted", cores=1)
+    >>> cohort = ph.fit_cohort(ph.Ogden(), data, likelihood, store, **settings)
+    >>> cohort["evidence"]["error"].values.tolist()
     ['', '']
     """
     check_count("draws", draws, 2)
     if by not in ("specimen", "test"):
         raise ValueError(f"by must be 'specimen' or 'test', not {by!r}")
+    conditions = None if at is None else as_conditions(at)
+    if conditions is not None:
+        conditions.in_kilopascal("warn")  # before anything is computed
     material, tube = split_by_owner(energy, "priors", priors)
     work = Fitting(
         by,
@@ -333,15 +336,18 @@ def fit_cohort(
         as_likelihood(likelihood).to_record(),
         {name: prior_to_record(name, prior) for name, prior in material.items()},
         {name: _record(name, value) for name, value in tube.items()},
-        _as_json(properties or {}),
+        conditions,
         int(draws),
         seed_kept(random_seed, store).entropy,
     )
     with LOCK:  # not around the batches: workers may be threads of this process
         wall, *unknown = work.stated()
         work.likelihood.check(wall, data, *unknown)
-    running = {"client": client, "cores": cores, "batch_size": batch_size}
-    run_cohort(work, data, store, **running, progressbar=progressbar)
+    remarks = run_in_batches(work, work.manifest(), data, store, progressbar=progressbar)
+    warn_of(remarks, len(units_of(data, by)))
+    found = open_result(store)
+    assert isinstance(found, xr.DataTree)
+    return found
 
 
 def _record(name: str, value: Any) -> Any:
@@ -352,12 +358,7 @@ def _distribution(record: Any) -> Any:
     return MeasuredValue(record["sd"]) if isinstance(record, dict) else prior_from_record(record)
 
 
-def _as_json(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of the properties in JSON types, as the manifest stores them."""
-    if properties and "pressure" not in properties:
-        raise ValueError("properties must say at which pressures: {'pressure': [80, 120], ...}")
-    plain = {k: np.asarray(v).tolist() for k, v in properties.items()}
-    try:
-        return json.loads(json.dumps(plain))
-    except TypeError as error:
-        raise TypeError(f"properties must hold numbers and text: {error}") from None
+def _as_json(at: Conditions | None) -> Any:
+    """Return conditions in JSON types, as the manifest stores them."""
+    stated = None if at is None else asdict(at)
+    return json.loads(json.dumps(stated, default=lambda value: np.asarray(value).tolist()))

@@ -10,19 +10,16 @@ import time
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import replace
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol
 
 import cloudpickle
-import xarray as xr
 from loky import ProcessPoolExecutor
 from loky.backend.resource_tracker import ensure_running
 
-from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
-from pymc_hyperelastic.io.store import Part
+from pymc_hyperelastic.parallel.work import Part, Work, run_batch
 
 # Deaths of processes at one batch after which it is halved: three are hardly chance.
 DEATHS = 3
@@ -51,8 +48,8 @@ class Workers(Protocol):
 
     count: int
 
-    def submit(self, data: xr.Dataset, part: Part) -> Future:
-        """Submit a batch. The result of the future is a list of error messages."""
+    def submit(self, data: Any, part: Part) -> Future:
+        """Submit a batch. The result of the future is the answer of the work."""
 
     def check(self) -> None:
         """Raise if no worker is left."""
@@ -69,7 +66,7 @@ class ThisProcess:
     def __init__(self, work: Work, token: str) -> None:
         self._work, self._token = work, token
 
-    def submit(self, data: xr.Dataset, part: Part) -> Future:
+    def submit(self, data: Any, part: Part) -> Future:
         """Do a batch."""
         future: Future = Future()
         try:
@@ -100,7 +97,7 @@ class Processes:
         self._closed = False
         _start_trackers()
 
-    def submit(self, data: xr.Dataset, part: Part) -> Future:
+    def submit(self, data: Any, part: Part) -> Future:
         """Let the next free worker do a batch."""
         return self._threads.submit(self._do, data, part)
 
@@ -114,7 +111,7 @@ class Processes:
             executor.shutdown(kill_workers=True)
         self._threads.shutdown(cancel_futures=True)
 
-    def _do(self, data: xr.Dataset, part: Part) -> Remarks:
+    def _do(self, data: Any, part: Part) -> Any:
         executor = getattr(self._own, "executor", None) or self._start()
         try:
             return executor.submit(_run_sent, data, part).result()
@@ -159,7 +156,7 @@ def _start_trackers() -> None:
 _SET_UP = """
 import sys
 sys.path[:] = paths
-from pymc_hyperelastic.cohorts import workers
+from pymc_hyperelastic.parallel import workers
 workers.set_up(work, parent)
 """
 # The pickled work, in a worker process.
@@ -192,7 +189,7 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _run_sent(data: xr.Dataset, part: Part) -> Remarks:
+def _run_sent(data: Any, part: Part) -> Any:
     return run_batch(_received(), "here", data, part)
 
 
@@ -224,14 +221,13 @@ class Cluster:
         """
         return self._client.submit(pickle.loads, self._pickled, pure=False)
 
-    def submit(self, data: xr.Dataset, part: Part) -> Future:
+    def submit(self, data: Any, part: Part) -> Future:
         """Let a batch be done by some worker."""
         if self._work.status == "error":  # it was being made where a batch killed workers
             self._work = self._there()
         _begun(part.path)  # its note may be of a call before
-        absolute = replace(part, path=part.path.absolute())
         on_cluster = self._client.submit(
-            _run_noted, self._work, self._token, data, absolute, pure=False
+            _run_noted, self._work, self._token, data, part, pure=False
         )
         self._futures.add(on_cluster)
         return asyncio.run_coroutine_threadsafe(
@@ -256,8 +252,8 @@ class Cluster:
             self._client.cancel(list(self._futures))
         self._futures.clear()
 
-    async def _result(self, on_cluster: Any, part: Path) -> Remarks:
-        """Return the remarks of a batch; Dask repeats a batch whose answer was lost."""
+    async def _result(self, on_cluster: Any, part: Path) -> Any:
+        """Return the answer of a batch; Dask repeats a batch whose answer was lost."""
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
 
@@ -279,7 +275,7 @@ def _note(part: Path) -> Path:
     return part.with_suffix(".begun")
 
 
-def _run_noted(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
+def _run_noted(work: Work, token: str, data: Any, part: Part) -> Any:
     """Do a batch, and leave a note that it was begun if the process dies."""
     with suppress(OSError), _note(part.path).open("a") as note:
         note.write(".")
@@ -297,10 +293,3 @@ def _begun(part: Path) -> int:
         return 0
     finally:
         _note(part).unlink(missing_ok=True)
-
-
-def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:
-    """Return the workers."""
-    if client is not None:
-        return Cluster(work, token, client)
-    return ThisProcess(work, token) if cores == 1 else Processes(work, cores)

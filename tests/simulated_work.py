@@ -12,9 +12,8 @@ import pandas as pd
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.cohorts.run import run_cohort
-from pymc_hyperelastic.cohorts.work import Work, labels_of
 from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.io.batches import UnitWork, labels_of, run_in_batches, warn_of
 
 SPECIMENS = 20
 # Seconds between two looks whether a condition holds.
@@ -35,7 +34,7 @@ def cohort(specimens: int = SPECIMENS, seed: int = 1) -> xr.Dataset:
 
 
 @dataclass(frozen=True)
-class SimulatedWork(Work):
+class SimulatedWork(UnitWork):
     """The sum of the pressures of each specimen.
 
     The work raises an error at `raises`, and kills its process at `kills` and, once, at
@@ -86,10 +85,14 @@ class SimulatedWork(Work):
         return xr.Dataset(variables, labels_of(data, self.by), {"strain_energy": "none"})
 
 
-def computed(work: Work, data: xr.Dataset, folder: Path, **settings) -> xr.Dataset:
+def computed(work: SimulatedWork, data: xr.Dataset, folder: Path, **settings) -> xr.Dataset:
     """Run the work on a cohort in this process, unless settings say otherwise; read the result."""
-    run_cohort(work, data, folder, **{"cores": 1, "progressbar": False} | settings)
-    return ph.open_cohort(folder).load()
+    store = ph.Store(folder, **({} if "client" in settings else {"cores": 1}) | settings)
+    remarks = run_in_batches(work, work.manifest(), data, store, progressbar=False)
+    warn_of(remarks, len(units_of(data, work.by)))
+    result = ph.open_result(folder).load()
+    assert list(remarks.failed.values()) == [text for text in result["error"].values if text]
+    return result
 
 
 def wait_for(condition, process) -> None:

@@ -9,12 +9,13 @@ import sys
 import threading
 
 import pytest
+import simulated_work
 import xarray as xr
 from simulated_work import POLL, SimulatedWork, computed, wait_for
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.cohorts.workers import Cluster, WorkersLost
 from pymc_hyperelastic.io.store import Part
+from pymc_hyperelastic.parallel.workers import Cluster, WorkersLost
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
@@ -22,7 +23,9 @@ distributed = pytest.importorskip("distributed")
 # Connections of Dask to processes that were killed end in warnings where no test can catch them.
 pytestmark = [pytest.mark.deep, pytest.mark.filterwarnings("ignore")]
 
-PYTHONPATH = os.path.dirname(__file__) + os.pathsep + os.environ.get("PYTHONPATH", "")
+PYTHONPATH = (
+    os.path.dirname(simulated_work.__file__) + os.pathsep + os.environ.get("PYTHONPATH", "")
+)
 # A slow computer must not lose a worker that starts again.
 PATIENT = {
     "distributed.deploy.lost-worker-timeout": "10 days",
@@ -74,18 +77,18 @@ def test_answers_that_die_with_their_worker_are_computed_again(
         distributed.wait(workers._work)
         monkeypatch.setattr(client, "gather", gather_after_deaths)
         failed = workers.submit(data, Part(tmp_path / "part.nc", "hash")).result()
-    assert failed.failed == ["S5: no curve"]
+    assert failed.failed == {"S5": "no curve"}
 
 
 @pytest.mark.parametrize("processes", [True, False])
 def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp_path):
     """Compiled functions keep their input between two steps: two threads could mix specimens."""
     data = ph.load_dataset("simulated_sheep_aorta")
-    settings = {"by": "test", "draws": 50, "batch_size": 1, "random_seed": 1, "progressbar": False}
+    settings = {"by": "test", "draws": 50, "random_seed": 1, "progressbar": False}
 
     def fitted(name, **how):
-        ph.fit_cohort(ph.Ogden(), data, 0.5, tmp_path / name, **settings, **how)
-        return ph.open_cohort(tmp_path / name).load()
+        store = ph.Store(tmp_path / name, batch_size=1, **how)
+        return ph.fit_cohort(ph.Ogden(), data, 0.5, store, **settings).load()
 
     workers = {"n_workers": 1, "threads_per_worker": 2, "processes": processes}
     with distributed.LocalCluster(**workers, dashboard_address=None) as cluster:
@@ -96,8 +99,8 @@ def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp
 
 
 def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", 1.0)
-    monkeypatch.setattr("pymc_hyperelastic.cohorts.run._LOOK", 0.2)
+    monkeypatch.setattr("pymc_hyperelastic.parallel.workers._PATIENCE", 1.0)
+    monkeypatch.setattr("pymc_hyperelastic.parallel.run._LOOK", 0.2)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
         with distributed.Client(nobody) as client:
             with pytest.raises(WorkersLost, match=r"no worker for 1 s\. Finished batches are in"):

@@ -1,4 +1,4 @@
-"""Open the results of a store, and read each part when it is needed."""
+"""Open a result: a file, or a store, of which each part is read when it is needed."""
 
 import warnings
 from functools import lru_cache, partial
@@ -10,94 +10,107 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
-from pymc_hyperelastic.cohorts.work import filled
-from pymc_hyperelastic.io.results import open_table
-from pymc_hyperelastic.io.store import check_store, hash_of, manifest_of
+from pymc_hyperelastic.io.batches import UNITS, filled, name_of_part, parts_of
+from pymc_hyperelastic.io.results import open_file, open_table
+from pymc_hyperelastic.io.store import Store, check_store, hash_of, manifest_of
 from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.parallel.run import Batch
 
 # Least number of parts that stay in memory after reading, so that reading all variables one by one
 # reads each part once. Not tuned.
 _KEPT = 16
 # Bytes: more parts stay in memory while they take less. Half a gigabyte is little for a computer
-# that fits cohorts.
+# that fits many specimens.
 _KEPT_BYTES = 2**29
 # Attribute that says of which group of the result a variable is.
 GROUP = "group_of_result"
 
 
-def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
-    """Open what :func:`fit_cohort` or :func:`classify_cohort` has computed so far.
+def open_result(path: str | Path | Store) -> xr.DataTree | xr.Dataset:
+    """Open a result: the file of a result, or the folder of a store.
 
-    Nothing but the labels is read before it is asked for; then whole parts are, each of which is
-    compared with its checksum. To have all of it in one place, write it: ``to_netcdf(path)``, or
-    ``to_zarr(path)``.
+    A file is read into memory. From a store only the labels are read first; a variable is read when
+    its numbers are needed, and then the parts that hold them. To have all of a store in one file,
+    write the result: ``to_netcdf(path)``, or ``to_zarr(path)``. Each file is compared with its
+    checksum when it is read.
 
     Parameters
     ----------
-    store : str or Path
-        The folder.
+    path : str, Path or Store
+        A file of :func:`save_result`, or of ``to_netcdf`` of a result; or the folder of
+        :func:`fit_cohort` or :func:`classify`.
 
     Returns
     -------
     xarray.DataTree or xarray.Dataset
-        Of :func:`fit_cohort` a tree with the groups ``posterior``, ``evidence`` and perhaps
-        ``properties``, of :func:`classify_cohort` the result of
-        :func:`~pymc_hyperelastic.classify`, all with the dimension ``specimen``, or ``test``. What
-        failed is NaN and has a message in ``error``; what is not computed yet is NaN too, and its
-        message says so. ``doubtful`` says why the fit of a specimen is doubtful, and is empty if it
-        is not.
+        The result that was saved, or the results that the store holds so far.
+
+        A store of :func:`fit_cohort` gives a tree with the groups ``posterior``, ``evidence`` and
+        perhaps ``properties``, a store of :func:`classify` gives its Dataset. Both have the
+        dimension ``specimen`` or ``test``. Specimens that failed are NaN, with a message in
+        ``error``; specimens that are not computed yet are NaN too, and their message says so.
+        ``doubtful`` says why the fit of a specimen is doubtful, and is empty if it is not.
 
     Raises
     ------
-    FileNotFoundError
-        If the folder is no store.
+    OSError
+        If there is no such file, the folder is no store, or the file cannot be read: no permission,
+        a network disk that fails.
     ValueError
-        If its manifest, or a part when it is read, is damaged.
+        If the file is no netCDF file of a result, cut off or damaged, or was changed since; if a
+        part of a store is so when it is read, or its manifest; if a store holds parts of a
+        computation that :func:`fit_cohort` and :func:`classify` did not make.
 
     Warns
     -----
     UserWarning
-        If not all is computed yet.
+        If a store does not hold all results yet.
 
     See Also
     --------
-    fit_cohort, classify_cohort
+    save_result, fit_cohort, classify
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
-    >>> ph.fit_cohort(
-    ...     ph.Ogden(),
-    ...     data,
-    ...     ph.Gaussian(pressure_sd=0.5),
-    ...     "cohort",
-    ...     random_seed=1,
-    ...     cores=1,
-    ...     progressbar=False,
-    ... )
-    >>> cohort = ph.open_cohort("cohort")
-    >>> dict(cohort["posterior"]["mu"].sizes)
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> ph.save_result(data, "aorta.nc")
+    >>> ph.open_result("aorta.nc").sizes["test"]
+    15
+    >>> settings = {"random_seed": 1, "progressbar": False}
+    >>> store = ph.Store("cohort", cores=1)
+    >>> some = ph.select(data, specimen=["S1", "S2"])
+    >>> _ = ph.fit_cohort(ph.Ogden(), some, ph.Gaussian(pressure_sd=0.5), store, **settings)
+    >>> dict(ph.open_result("cohort")["posterior"]["mu"].sizes)
     {'chain': 1, 'draw': 500, 'specimen': 2}
     """
-    folder = Path(store)
+    path = Path(path)
+    return _open_store(path) if path.is_dir() else open_file(path)
+
+
+def _open_store(folder: Path) -> xr.DataTree | xr.Dataset:
+    """Return the results that a store holds, read when they are needed."""
     manifest = manifest_of(folder)
     assert manifest is not None
-    by, count = manifest.get("by"), manifest.get("units")
+    if "units" not in manifest:
+        raise ValueError(
+            f"the store {folder} holds parts of a computation, and no result: the call that made "
+            "it returns the result, and computes no finished part again"
+        )
+    by, count = manifest.get("by"), manifest["units"]
     if by not in ("specimen", "test") or type(count) is not int or count < 1:
         raise ValueError(
             f"the manifest of {folder} says that it holds {count!r} by {by!r}; expected a whole "
             "number by 'specimen' or 'test': it is damaged"
         )
     parts = [Batch(*ends) for ends in parts_of(folder)]
-    done = sum(part.last - part.first for part in parts)
+    done = sum(part.size for part in parts)
     if done < count:
         warnings.warn(
             f"{folder} holds {done} of {count}: the call that made it goes on with the others",
             skip_file_prefixes=(PACKAGE,),
         )
-    sizes = [(folder / f"{part.part}.nc").stat().st_size for part in parts[:_KEPT]]
+    sizes = [_file(folder, part).stat().st_size for part in parts[:_KEPT]]
     read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(
         partial(_read, folder, hash_of(manifest))
     )
@@ -115,8 +128,12 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     return _in_groups(result) if manifest["work"] == "fit_cohort" else result
 
 
+def _file(folder: Path, part: Batch) -> Path:
+    return folder / f"{name_of_part(part.first, part.last)}.nc"
+
+
 def _read(folder: Path, store: str, part: Batch) -> xr.Dataset:
-    path = folder / f"{part.part}.nc"
+    path = _file(folder, part)
     table = open_table(path)
     check_store(table, store, path)
     return table

@@ -14,20 +14,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import simulated_work
 import xarray as xr
 from simulated_work import SPECIMENS, SimulatedWork, cohort, computed, wait_for
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.cohorts.run import parts_of
-from pymc_hyperelastic.cohorts.workers import (
+from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
+from pymc_hyperelastic.io.batches import parts_of
+from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
+from pymc_hyperelastic.parallel.workers import (
     Cluster,
     Processes,
     ThisProcess,
     WorkerDied,
     WorkersLost,
 )
-from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
-from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -58,7 +59,7 @@ def test_a_second_call_computes_what_is_missing(data, undisturbed, tmp_path):
         part.unlink()
     kept = {part: part.stat().st_mtime_ns for part in parts if part.exists()}
     with pytest.warns(UserWarning, match="store holds 12 of 20"):
-        partial = ph.open_cohort(folder).load()
+        partial = ph.open_result(folder).load()
     assert partial["error"].values.tolist() == [""] * 4 + ["not computed yet"] * 8 + [""] * 8
     assert partial["total"].isnull().sum() == 8
     assert computed(SimulatedWork(), data, folder, batch_size=3).identical(undisturbed)
@@ -121,7 +122,7 @@ def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
             future.set_exception(WorkerDied("it was killed"))
             return future
 
-    workers = "pymc_hyperelastic.cohorts.run.workers_for"
+    workers = "pymc_hyperelastic.io.batches.workers_for"
     monkeypatch.setattr(workers, lambda work, token, *_: Dying(work, token))
     with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
         result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=4)
@@ -141,7 +142,7 @@ def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path)
     edited["total"].values[1] += 1e-9
     edited.to_netcdf(part, engine="h5netcdf")
     with pytest.raises(ValueError, match=part.name):
-        ph.open_cohort(folder)["total"].load()
+        ph.open_result(folder)["total"].load()
     with pytest.warns(UserWarning, match=f"{part.name}.* the part is computed again"):
         assert computed(SimulatedWork(), data, folder).identical(undisturbed)
 
@@ -156,7 +157,7 @@ def test_a_part_of_another_store_is_refused_and_left(data, undisturbed, tmp_path
     own, other = (hash_of(manifest_of(folder))[:12] for folder in folders)
     said = rf"{part} belongs to another store: .*{other}, that of {folders[0]} has {own}"
     with pytest.raises(ValueError, match=said):
-        ph.open_cohort(folders[0])["total"].load()
+        ph.open_result(folders[0])["total"].load()
     with pytest.raises(ValueError, match=said):
         computed(SimulatedWork(), data, folders[0])
     (folders[0] / part).unlink()
@@ -167,7 +168,7 @@ def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_p
     """Any selection is the same as from the result in memory."""
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)
-    lazy = ph.open_cohort(folder)
+    lazy = ph.open_result(folder)
     for part in sorted(folder.glob("0*.nc"))[2:]:
         part.unlink()
     for pick in (6, slice(1, 7, 2), slice(7, 0, -3), [6, 0, 6], []):
@@ -178,14 +179,14 @@ def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_p
     assert np.array_equal(lazy["pair"].isel(both), undisturbed["pair"].isel(both))
 
 
-def test_open_cohort_refuses_what_is_no_store(tmp_path):
+def test_open_result_refuses_a_folder_that_is_no_store(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"is no store: it has no manifest\.json"):
-        ph.open_cohort(tmp_path)
+        ph.open_result(tmp_path)
     intact = {"format": 2, "by": "specimen", "units": 20}
     for damage in ({"by": "animal"}, {"units": True}, {"units": 0}):
         (tmp_path / "manifest.json").write_text(json.dumps(intact | damage))
         with pytest.raises(ValueError, match=r"the manifest of .* says .* it is damaged"):
-            ph.open_cohort(tmp_path)
+            ph.open_result(tmp_path)
 
 
 def test_wrong_settings_are_refused_before_anything_is_written(data, tmp_path):
@@ -267,7 +268,7 @@ computed(work, cohort(), work.folder / "store", cores={cores}, batch_size=2)
 @pytest.mark.parametrize("cores", [1, 2])
 def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     """It is killed while specimen S7 is computed; with two cores a process outlives it."""
-    here = [str(Path(__file__).parent)]
+    here = [str(Path(simulated_work.__file__).parent)]
     code = DRIVER.format(paths=here, folder=str(tmp_path), cores=cores)
     with subprocess.Popen([sys.executable, "-c", code]) as process:
         wait_for(SimulatedWork(folder=tmp_path).note("S7").exists, process)
@@ -284,7 +285,7 @@ import sys
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from simulated_work import SimulatedWork, cohort
-from pymc_hyperelastic.cohorts.workers import Processes
+from pymc_hyperelastic.parallel.workers import Processes
 from pymc_hyperelastic.io.store import Part
 os.chdir({folder!r})
 for name in ("scipy", "signal"):
@@ -300,10 +301,10 @@ def test_processes_prefer_installed_modules_to_those_of_the_current_folder(optio
     """In a script elsewhere, and where Python searches the current folder first."""
     script = tmp_path / "scripts" / "run.py"
     script.parent.mkdir()
-    here = [str(Path(__file__).parent)]
+    here = [str(Path(simulated_work.__file__).parent)]
     script.write_text(IN_ANOTHER_FOLDER.format(paths=here, folder=str(tmp_path)))
     done = subprocess.run([sys.executable, *options, script], capture_output=True, text=True)
-    assert done.stdout.strip() == "[]", done.stderr
+    assert done.stdout.strip() == "{}", done.stderr
     assert "executed" not in done.stderr
     total = SimulatedWork().run(data)["total"].values
     assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
@@ -327,7 +328,7 @@ def test_a_worker_that_replaces_another_has_its_work(data, tmp_path):
     workers, seen = Processes(Hoarding(), 1), set()
     for i in range(3):
         part = tmp_path / f"{i}.nc"
-        assert workers.submit(data, Part(part, "hash")).result().failed == []
+        assert workers.submit(data, Part(part, "hash")).result().failed == {}
         seen.add(ph.open_result(part)["process"].item())
     workers.close()
     assert len(seen) > 1
@@ -351,7 +352,7 @@ def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path):
 
 def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
     """A worker that a batch kills as soon as it comes is hardly ever seen, but makes events."""
-    monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", -1.0)
+    monkeypatch.setattr("pymc_hyperelastic.parallel.workers._PATIENCE", -1.0)
     cluster, events, threads = object.__new__(Cluster), ["a worker came"], {}
     client = SimpleNamespace(nthreads=lambda: threads, get_events=lambda topic: tuple(events))
     cluster._client, cluster._seen, cluster._news = client, 0.0, ()
