@@ -60,8 +60,7 @@ def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[st
         The tube, as the user states it.
     numbers : dict
         ``inner_radius``, ``outer_radius`` (mm), ``opening_angle`` (rad), NaN where unknown; and
-        the stated ones of ``thickness`` (mm), ``wall_area`` (mm²), ``wall_volume`` (mm³) and
-        ``length`` (mm), of the unloaded ring.
+        the stated one of ``thickness`` (mm) and ``wall_area`` (mm²), of the unloaded ring.
     """
     ring = tube.radii_of == "ring"
     with np.errstate(invalid="ignore", divide="ignore"):  # of tests that are refused
@@ -128,8 +127,7 @@ def _with_wall(rows: Rows, tube: Tube, numbers: dict[str, Any]) -> Tube:
     follows = {name: None for name in radii if np.isnan(numbers[name]).all()}
     both = with_both_radii(replace(tube, **numbers | follows))
     if wall != ["thickness"] and "inner_radius" in follows:
-        volume, length = numbers.get("wall_volume"), numbers.get("length")
-        area = numbers["wall_area"] if volume is None else volume / length
+        area = numbers["wall_area"]
         too_thick = "a wall of a cross-section of {:.6g} mm² does not fit into the outer radius"
         _refuse(rows, np.isfinite(area) & ~(both.inner_radius > 0), too_thick, area)
     return both
@@ -148,7 +146,7 @@ def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
         rows,
         some & ~both & (angle != 0),
         "of the closed ring one radius is not known; to know the sector it takes both, or one and "
-        "thickness, wall_area, or wall_volume and length",
+        "thickness or wall_area",
     )
     positive = "inner_radius is {:.6g} mm; expected a positive one"
     _refuse(rows, both & (inner <= 0), positive, inner)

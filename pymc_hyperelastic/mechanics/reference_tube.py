@@ -12,7 +12,7 @@ Convention = Literal["whole", "fung"]
 RadiiOf = Literal["sector", "ring"]
 
 # Measures of the unloaded wall, from one radius and which the other follows.
-WALL = ("thickness", "wall_area", "wall_volume", "length")
+WALL = ("thickness", "wall_area")
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,8 @@ class Tube:
     r"""Geometry of an unloaded tube, and the axial stretch at which it is inflated.
 
     A tube has an inner radius and an outer radius. One of them may be replaced by a measure of the
-    wall: its thickness ``h``, the area ``S`` of its cross-section, or its volume and its length
-    with :math:`S` the quotient of the two. With the opening factor ``k``, which is 1 without an
-    opening angle,
+    wall: its thickness ``h``, or the area ``S`` of its cross-section, which is its volume over its
+    length. With the opening factor ``k``, which is 1 without an opening angle,
 
     .. math:: B = A + h, \qquad B^2 = A^2 + k S/π .
 
@@ -39,8 +38,9 @@ class Tube:
         Length of the tube over its unloaded length.
     opening_angle : float, optional
         Angle by which a ring springs open when it is cut, radians.
-    thickness, wall_area, wall_volume, length : float, optional
-        Measures of the unloaded wall (mm, mm², mm³, mm), in place of one radius.
+    thickness, wall_area : float, optional
+        Thickness (mm) of the unloaded wall, or area (mm²) of its cross-section, in place of one
+        radius.
     convention : {"whole", "fung"}, optional
         Which angle is given. ``"whole"`` is the angle that the opened sector lacks of a full circle
         [1]_. ``"fung"`` is half of that: the angle between the lines from the middle of the
@@ -104,8 +104,6 @@ class Tube:
     opening_angle: Any = None
     thickness: Any = None
     wall_area: Any = None
-    wall_volume: Any = None
-    length: Any = None
     convention: Convention | None = None
     radii_of: RadiiOf | None = None
     sd: Mapping[str, Any] | None = None
@@ -119,14 +117,11 @@ class Tube:
             if value is not None and value not in options:
                 raise ValueError(f"{name} is {value!r}; expected one of {options}")
         wall = stated_wall(self)
-        if wall and wall not in (["thickness"], ["wall_area"], ["wall_volume", "length"]):
-            raise ValueError(
-                f"of the wall {', '.join(wall)} {'is' if len(wall) == 1 else 'are'} given; "
-                "expected thickness, or wall_area, or wall_volume with length"
-            )
+        if len(wall) > 1:
+            raise ValueError("thickness and wall_area are given; leave one of them away")
         if wall and self.inner_radius is not None and self.outer_radius is not None:
             raise ValueError(
-                f"{', '.join(wall)} is given with both radii of the tube; leave one of the radii, "
+                f"{wall[0]} is given with both radii of the tube; leave one of the radii, "
                 "or the measure of the wall, away"
             )
         if self.sd is not None and not isinstance(self.sd, Mapping):
@@ -202,20 +197,17 @@ def with_both_radii(tube: Tube) -> Tube:
     if not wall:
         return tube
     if tube.inner_radius is None and tube.outer_radius is None:
-        raise ValueError(
-            f"{', '.join(wall)} is given with neither inner_radius nor outer_radius; give one"
-        )
-    area = tube.wall_area if tube.wall_volume is None else tube.wall_volume / tube.length
+        raise ValueError(f"{wall[0]} is given with neither inner_radius nor outer_radius; give one")
     radii = {"inner_radius": tube.inner_radius, "outer_radius": tube.outer_radius}
     if tube.inner_radius is None and tube.thickness is not None:
         radii["inner_radius"] = tube.outer_radius - tube.thickness
     elif tube.inner_radius is None:
         # A negative area takes the wall away from a tube of the outer radius.
-        radii["inner_radius"] = _outer_radius(tube, tube.outer_radius, wall_area=-area)
+        radii["inner_radius"] = _outer_radius(tube, tube.outer_radius, wall_area=-tube.wall_area)
     elif tube.thickness is not None:
         radii["outer_radius"] = _outer_radius(tube, tube.inner_radius, thickness=tube.thickness)
     else:
-        radii["outer_radius"] = _outer_radius(tube, tube.inner_radius, wall_area=area)
+        radii["outer_radius"] = _outer_radius(tube, tube.inner_radius, wall_area=tube.wall_area)
     return replace(tube, **dict.fromkeys(WALL), **radii)
 
 

@@ -233,8 +233,7 @@ def stated_geometry(tube: Tube) -> dict[str, Any]:
         value = getattr(tube, name)
         if not (value is None or isinstance(value, Real) or name == "axial_stretch"):
             raise TypeError(f"{name} is {value!r}; expected a number")
-    by_area = tube.wall_area is not None or tube.wall_volume is not None
-    if tube.opening_angle is None and (by_area or tube.radii_of == "ring"):
+    if tube.opening_angle is None and (tube.wall_area is not None or tube.radii_of == "ring"):
         # The angle of the specimen may be another one than 0, which Tube.geometry would assume.
         raise ValueError(f"{tube}: radii depend on the opening angle; state opening_angle, or 0.0")
     stated = tube.geometry()

@@ -24,7 +24,6 @@ STATED = {
     "ring, Fung": RING | FUNG,
     "ring by thickness": RING | FUNG | {"outer_radius": None, "thickness": 2.0},
     "ring by area": RING | FUNG | {"inner_radius": None, "wall_area": AREA},
-    "ring by volume": RING | WHOLE | {"outer_radius": None, "wall_volume": 5 * AREA, "length": 5.0},
     "micrometres": RING | FUNG | MICROMETRES,
 }
 
@@ -91,8 +90,7 @@ NO_TUBE = {
     "ring of no radius": (RING | FUNG | {"inner_radius": 0.0}, f"{S1E1}inner_radius is 0 mm"),
     "a full turn": (RING | FUNG | {"opening_angle": 180.0}, f"{S1E1}.*6.28319 rad as a whole"),
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
-    "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness, wall_area are given"),
-    "no length": ({"wall_volume": 2.0}, "wall_volume is given; .*with length"),
+    "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness and wall_area are given"),
     "wall alone": ({"wall_area": 30.0} | NO_INNER | NO_OUTER, "with neither inner_radius"),
     "no wall": ({"wall_area": 0.0} | NO_INNER, f"{S1E1}wall_area is 0; expected a positive"),
     "too much wall": ({"wall_area": 300.0} | NO_INNER, f"{S1E1}.*300 mm² does not fit"),

@@ -31,7 +31,6 @@ WHOLE, FUNG = {"opening_angle": ANGLE}, {"opening_angle": ANGLE / 2, "convention
 WALLS = {
     "thickness": {"thickness": OUTER - INNER},
     "area": {"wall_area": AREA},
-    "volume": {"wall_volume": 3.0 * AREA, "length": 3.0},
 }
 ANGLES = {"whole": WHOLE, "whole, stated": WHOLE | {"convention": "whole"}, "Fung's": FUNG}
 
@@ -62,13 +61,11 @@ def test_every_way_to_state_a_tube_gives_its_sector(stated):
     radii = RING if "radii_of" in stated else SECTOR
     for name in SECTOR:
         assert getattr(both, name) == pytest.approx(radii[name], rel=ROUNDING)
-    assert both.thickness is both.wall_area is both.wall_volume is both.length is None
+    assert both.thickness is both.wall_area is None
 
 
 @pytest.mark.parametrize("radii_of", [None, "sector", "ring"])
-@pytest.mark.parametrize(
-    "wall", [{"thickness": 2.0}, {"wall_area": 32 * pi}, {"wall_volume": 128 * pi, "length": 4.0}]
-)
+@pytest.mark.parametrize("wall", [{"thickness": 2.0}, {"wall_area": 32 * pi}])
 def test_a_tube_without_an_angle_is_its_own_ring(wall, radii_of):
     expected = {"inner_radius": 7.0, "outer_radius": 9.0}
     for name, radius in expected.items():
@@ -97,10 +94,7 @@ def test_a_tube_shows_what_is_stated_and_does_not_change():
 IMPOSSIBLE = {
     "convention": ({"convention": "half"}, ValueError, r"convention is 'half'.*'whole', 'fung'"),
     "radii of": ({"radii_of": "wall"}, ValueError, r"radii_of is 'wall'.*'sector', 'ring'"),
-    "two measures": ({"thickness": 1.0, "wall_area": 2.0}, ValueError, "thickness, wall_area are"),
-    "volume alone": ({"wall_volume": 1.0}, ValueError, "wall_volume is given.*with length"),
-    "length alone": ({"length": 1.0}, ValueError, "length is given; expected thickness, or"),
-    "area and length": ({"wall_area": 1.0, "length": 1.0}, ValueError, "wall_area, length are"),
+    "two measures": ({"thickness": 1.0, "wall_area": 2.0}, ValueError, "thickness and wall_area are"),
     "both radii": (SECTOR | {"thickness": 0.5}, ValueError, "thickness is given with both radii"),
     "no dict": ({"sd": 0.1}, TypeError, 'sd must be a dict such as .*"thickness": 0.01.*not float'),
     "no measure": ({"sd": {"length": 0.1}}, ValueError, r"sd holds 'length'; expected some of \['"),

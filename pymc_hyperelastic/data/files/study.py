@@ -148,14 +148,22 @@ def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.Dat
         unused[next(name for name in MEASURED if name != taken)] = f"{taken} was measured"
     if "length" in frame and "wall_volume" not in frame:
         unused["length"] = "of the tube it says nothing without wall_volume"
+    if "wall_volume" in frame and "length" not in frame:
+        raise ValueError(
+            f"{files}: wall_volume has a column, and the length of the unloaded tube has none: "
+            "give the tables a column length, or the settings constants.length"
+        )
     frame = frame.drop(columns=list(unused))
-    stated = [name for name in (*_RADII, *WALL) if name in frame]
-    if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
+    wall = [name for name in (*WALL, "wall_volume") if name in frame]
+    stated = [name for name in _RADII if name in frame] + wall
+    if wall and len(stated) > 2:
         raise ValueError(
             f"{files}: the tube without load is stated by {', '.join(stated)}, which is too much: "
             "keep one radius and one measure of the wall, and name the columns of the others in "
             "the list ignore of the settings"
         )
+    if "wall_volume" in frame:
+        frame = frame.assign(wall_area=frame["wall_volume"] / frame["length"])
     return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
 
 
@@ -221,9 +229,9 @@ def _contents(frame: pd.DataFrame) -> list[str]:
 
 def _without_radii(frame: pd.DataFrame) -> list[str]:
     """Consequences of radii of the unloaded tube that have no column, in words."""
-    wall = [name for name in WALL if name in frame]
+    wall = ["wall_volume", "length"] if "wall_volume" in frame else frame.columns.intersection(WALL)
     lacking = [name for name in _RADII if name not in frame]
-    if wall and len(lacking) == 1:
+    if len(wall) and len(lacking) == 1:
         return [f"no {lacking[0]}: it follows from {' and '.join(wall)}"]
     return [
         f"no {name}: no law can be fitted without; give the tables a column of it, the settings "
