@@ -94,7 +94,7 @@ def test_a_tube_shows_what_is_stated_and_does_not_change():
 IMPOSSIBLE = {
     "convention": ({"convention": "half"}, ValueError, r"convention is 'half'.*'whole', 'fung'"),
     "radii of": ({"radii_of": "wall"}, ValueError, r"radii_of is 'wall'.*'sector', 'ring'"),
-    "two measures": ({"thickness": 1.0, "wall_area": 2.0}, ValueError, "thickness and wall_area are"),
+    "two measures": ({"thickness": 1.0, "wall_area": 2.0}, ValueError, "thickness and wall_area"),
     "both radii": (SECTOR | {"thickness": 0.5}, ValueError, "thickness is given with both radii"),
     "no dict": ({"sd": 0.1}, TypeError, 'sd must be a dict such as .*"thickness": 0.01.*not float'),
     "no measure": ({"sd": {"length": 0.1}}, ValueError, r"sd holds 'length'; expected some of \['"),
