@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from itertools import compress
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -217,16 +218,15 @@ def _check_enough(draws: Array, names: list[str]) -> None:
         )
     still = np.ptp(draws, axis=(0, 1)) == 0
     if still.any():
-        constant = dict.fromkeys(np.array(names)[still].tolist())
-        raise ValueError(f"all draws of {list(constant)} are the same")
+        raise ValueError(f"all draws of {list(dict.fromkeys(compress(names, still)))} are the same")
     # The R-hat of two chains that move and one that stands still is large, which is found later.
     stuck = (np.ptp(_halves(draws).reshape(2, chains, -1, dimension), axis=2) == 0).any(axis=0)
     if np.sum(~stuck.any(axis=1)) < min(2, chains):
         chain = int(np.flatnonzero(stuck.any(axis=1))[0])
-        constant = dict.fromkeys(np.array(names)[stuck[chain]].tolist())
+        constant = list(dict.fromkeys(compress(names, stuck[chain])))
         raise ValueError(
-            f"chain {chain} stands still for half of its draws, in {list(constant)}, and there are "
-            "not two that move: the sampler got stuck; sample again, from other places"
+            f"chain {chain} stands still for half of its draws, in {constant}, and there are not "
+            "two that move: the sampler got stuck; sample again, from other places"
         )
 
 

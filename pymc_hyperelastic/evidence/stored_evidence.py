@@ -45,9 +45,8 @@ def stored_diagnosis(tree: xr.DataTree) -> xr.Dataset:
     said = tree["diagnosis"].to_dataset()
     verdict, words = (said.attrs.get(name) for name in ("verdict", "words"))
     if not isinstance(verdict, str) or verdict not in VERDICTS or not isinstance(words, str):
-        raise damaged(
-            tree, f"its diagnosis has the verdict {verdict!r}; expected one of {list(VERDICTS)}"
-        )
+        expected = f"expected one of {list(VERDICTS)}"
+        raise damaged(tree, f"its diagnosis has the verdict {verdict!r}; {expected}")
     return said
 
 
