@@ -165,9 +165,8 @@ def log_evidence_by_bridge(
     estimate, misfit = bridged(density, draws, log_density, rng, proposal, proposal_draws)
     doubts += misfit
     if doubts:
-        warnings.warn(
-            f"the evidence cannot be trusted: {'; '.join(doubts)}", skip_file_prefixes=(PACKAGE,)
-        )
+        said = f"the evidence cannot be trusted: {'; '.join(doubts)}"
+        warnings.warn(said, skip_file_prefixes=(PACKAGE,))
         return Estimate(estimate.value, np.inf)
     return estimate
 
@@ -202,10 +201,9 @@ def bridged(
         of_proposal = mixture.log_density(draws[this].reshape(-1, draws.shape[2]))
         at_drawn = at_drawn - of_proposal.reshape(at_drawn.shape)
         bridges.append(_bridge(at_drawn, at_proposed - mixture.log_density(proposed)))
-    estimate = combine_chains(
-        np.array([b.log_evidence for b in bridges]), np.sqrt([b.variance for b in bridges])
-    )
-    return estimate, _misfit(bridges)
+    values = np.array([b.log_evidence for b in bridges])
+    errors = np.sqrt([b.variance for b in bridges])
+    return combine_chains(values, errors), _misfit(bridges)
 
 
 def _check_enough(draws: Array, names: list[str]) -> None:

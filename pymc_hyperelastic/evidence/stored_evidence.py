@@ -19,8 +19,7 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 # Dimensions of the variables of the group ``evidence``.
 _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "stages_capped", "ancestor_fraction", "pareto_k"), ("chain",)),
-    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
-    **dict.fromkeys(("at_bounds", "unmet"), ()),
+    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se", "at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
 # Variables without which an evidence, or its error, is unknown.

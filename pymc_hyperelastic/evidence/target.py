@@ -228,12 +228,9 @@ def in_one_period(model: pm.Model) -> TensorVariable:
 
     On its unconstrained scale an angle repeats itself, and would be counted again and again.
     """
-    angles = [
-        model.rvs_to_values[rv]
-        for rv, transform in model.rvs_to_transforms.items()
-        if isinstance(transform, CircularTransform)
-    ]
-    outside = [pt.any(pt.abs(angle) > np.pi) for angle in angles]
+    transforms = model.rvs_to_transforms.items()
+    angles = [rv for rv, transform in transforms if isinstance(transform, CircularTransform)]
+    outside = [pt.any(pt.abs(model.rvs_to_values[angle]) > np.pi) for angle in angles]
     return pt.switch(pt.any(pt.stack(outside)), -np.inf, 0.0) if outside else pt.constant(0.0)
 
 
