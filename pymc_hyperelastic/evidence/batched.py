@@ -172,12 +172,13 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
     They are on the unconstrained scale, by the name of the value variable, and ignore initial
     values.
     """
+    transforms = {
+        rv: _SharesAboveZero() if isinstance(transform, SimplexTransform) else transform
+        for rv, transform in model.rvs_to_transforms.items()
+    }
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
-        rvs_to_transforms={
-            rv: _SharesAboveZero() if isinstance(transform, SimplexTransform) else transform
-            for rv, transform in model.rvs_to_transforms.items()
-        },
+        rvs_to_transforms=transforms,
         initval_strategies=dict.fromkeys(model.free_RVs),
         default_strategy="prior",
         return_transformed=True,
@@ -251,12 +252,8 @@ def _compile(
             del _compiled[next(iter(_compiled))]
         inputs, outputs = batch()
         values = {v: v.type() for v in shared}
-        _compiled[key] = pytensor.function(
-            [*inputs, *values.values()],
-            clone_replace(outputs, values),
-            on_unused_input="ignore",
-            **options,
-        )
+        inputs, outputs = [*inputs, *values.values()], clone_replace(outputs, values)
+        _compiled[key] = pytensor.function(inputs, outputs, on_unused_input="ignore", **options)
     return _compiled[key], shared
 
 
@@ -281,6 +278,5 @@ def _draws_batches(node: Apply) -> bool:
 
 def is_random(variable: Variable) -> bool:
     """Return True for draws of a distribution of PyMC or PyTensor."""
-    return variable.owner is not None and isinstance(
-        variable.owner.op, RandomVariable | SymbolicRandomVariable
-    )
+    op = variable.owner and variable.owner.op
+    return isinstance(op, RandomVariable | SymbolicRandomVariable)

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from itertools import compress
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -166,9 +167,8 @@ def bridge_sampling(
     estimate, misfit = bridged(density, draws, log_density, rng, proposal, proposal_draws)
     doubts += misfit
     if doubts:
-        warnings.warn(
-            f"the evidence cannot be trusted: {'; '.join(doubts)}", skip_file_prefixes=(PACKAGE,)
-        )
+        said = f"the evidence cannot be trusted: {'; '.join(doubts)}"
+        warnings.warn(said, skip_file_prefixes=(PACKAGE,))
         return Estimate(estimate.value, np.inf)
     return estimate
 
@@ -203,10 +203,9 @@ def bridged(
         of_proposal = mixture.log_density(draws[this].reshape(-1, draws.shape[2]))
         at_drawn = at_drawn - of_proposal.reshape(at_drawn.shape)
         bridges.append(_bridge(at_drawn, at_proposed - mixture.log_density(proposed)))
-    estimate = combine_chains(
-        np.array([b.log_evidence for b in bridges]), np.sqrt([b.variance for b in bridges])
-    )
-    return estimate, _misfit(bridges)
+    values = np.array([b.log_evidence for b in bridges])
+    errors = np.sqrt([b.variance for b in bridges])
+    return combine_chains(values, errors), _misfit(bridges)
 
 
 def _check_enough(draws: Array, names: list[str]) -> None:
@@ -219,16 +218,15 @@ def _check_enough(draws: Array, names: list[str]) -> None:
         )
     still = np.ptp(draws, axis=(0, 1)) == 0
     if still.any():
-        constant = dict.fromkeys(np.array(names)[still].tolist())
-        raise ValueError(f"all draws of {list(constant)} are the same")
+        raise ValueError(f"all draws of {list(dict.fromkeys(compress(names, still)))} are the same")
     # The R-hat of two chains that move and one that stands still is large, which is found later.
     stuck = (np.ptp(_halves(draws).reshape(2, chains, -1, dimension), axis=2) == 0).any(axis=0)
     if np.sum(~stuck.any(axis=1)) < min(2, chains):
         chain = int(np.flatnonzero(stuck.any(axis=1))[0])
-        constant = dict.fromkeys(np.array(names)[stuck[chain]].tolist())
+        constant = list(dict.fromkeys(compress(names, stuck[chain])))
         raise ValueError(
-            f"chain {chain} stands still for half of its draws, in {list(constant)}, and there are "
-            "not two that move: the sampler got stuck; sample again, from other places"
+            f"chain {chain} stands still for half of its draws, in {constant}, and there are not "
+            "two that move: the sampler got stuck; sample again, from other places"
         )
 
 

@@ -227,10 +227,8 @@ def _comparison(
 
     It returns the ranks of true parameters among draws of their posterior, and its mean and sd.
     """
-    data = {
-        v.name: pytensor.shared(simulated[v.name][0], shape=simulated[v.name].shape[1:])
-        for v in model.observed_RVs
-    }
+    observed = {v.name: simulated[v.name] for v in model.observed_RVs}
+    data = {name: pytensor.shared(x[0], shape=x.shape[1:]) for name, x in observed.items()}
     conditioned = pm.observe(model, data)
     kernel = BatchedSMC(draws, model=conditioned, **kernel_settings)
     ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
@@ -239,7 +237,7 @@ def _comparison(
     def compare(simulation: int, seed: int) -> xr.Dataset:
         rng = np.random.default_rng(seed)
         for name, shared in data.items():
-            shared.set_value(simulated[name][simulation])
+            shared.set_value(observed[name][simulation])
         try:
             kernel.find_reference(rng)
             kernel.temper(None, rng)
@@ -278,10 +276,8 @@ def _compared(
         except KeyboardInterrupt:
             if not complete:
                 raise
-            warnings.warn(
-                f"interrupted: {len(complete)} of {len(seeds)} simulations are complete",
-                skip_file_prefixes=(PACKAGE,),
-            )
+            said = f"interrupted: {len(complete)} of {len(seeds)} simulations are complete"
+            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     return xr.concat(complete, "simulation")
 
 

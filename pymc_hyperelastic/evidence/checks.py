@@ -36,9 +36,8 @@ def check_names(var_names: Sequence[str] | None, known: Sequence[str]) -> None:
 
 def check_shape(what: str, shape: Sequence[int], expected: Sequence[int | None]) -> None:
     """Raise unless a shape is the expected one, in which None is any size."""
-    if len(expected) != len(shape) or any(
-        n not in (None, m) for n, m in zip(expected, shape, strict=True)
-    ):
+    fits = [n in (None, m) for n, m in zip(expected, shape, strict=False)]
+    if len(expected) != len(shape) or not all(fits):
         raise ValueError(
             f"{what} has the shape {tuple(shape)}, the model's {tuple(expected)}: do they belong "
             "together?"

@@ -47,8 +47,8 @@ def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list
     rhat, worst = largest_rhat(names, values)
     if rhat > LARGEST_RHAT:
         return [
-            f"the chains disagree (R-hat {rhat:.2f} of {worst}): they have "
-            "not met the same parts of the posterior, or are too short"
+            f"the chains disagree (R-hat {rhat:.2f} of {worst}): they have not met the same parts "
+            "of the posterior, or are too short"
         ]
     axes = {"chain_axis": 0, "draw_axis": 1}
     with np.errstate(all="ignore"):

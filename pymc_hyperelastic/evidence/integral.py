@@ -70,9 +70,8 @@ def _by_tempering(target: Target, size: int, rng: np.random.Generator, quick: Es
     if np.isfinite(quick.standard_error):
         # Two estimates that share nothing: their difference is an error of unknown origin.
         error = float(np.hypot(error, smc.log_evidence - quick.value))
-    return Integral(
-        Estimate(smc.log_evidence, error), np.nan, "tempering", rng.permutation(smc.particles)
-    )
+    estimate, particles = Estimate(smc.log_evidence, error), rng.permutation(smc.particles)
+    return Integral(estimate, np.nan, "tempering", particles)
 
 
 class BridgeFromParticles:

@@ -158,14 +158,10 @@ class GaussianMixture:
 
     def joined(self, other: "GaussianMixture", share: float = 0.5) -> "GaussianMixture":
         """Mixture of itself and another, which has the given share."""
-        return GaussianMixture(
-            np.concatenate(
-                [self.log_weights + np.log1p(-share), other.log_weights + np.log(share)]
-            ),
-            np.concatenate([self.means, other.means]),
-            np.concatenate([self.factors, other.factors]),
-            self.freedom,
-        )
+        log_weights = self.log_weights + np.log1p(-share), other.log_weights + np.log(share)
+        means = np.concatenate([self.means, other.means])
+        factors = np.concatenate([self.factors, other.factors])
+        return GaussianMixture(np.concatenate(log_weights), means, factors, self.freedom)
 
     def heavy_tailed(self) -> "GaussianMixture":
         """The mixture as a proposal: its tails reach along a ridge far beyond the points fitted.

@@ -49,9 +49,8 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
         value, gradient, curvature = derivatives(x * width, width * local)
         if curvature is not None:
             curvature = curvature * np.outer(width, width)
-        return Derivatives(
-            np.where(np.isfinite(value), value, -np.inf), gradient * width, curvature
-        )
+        value = np.where(np.isfinite(value), value, -np.inf)
+        return Derivatives(value, gradient * width, curvature)
 
     x, local = starts / width, np.ones((count, size))
     value, gradient, known = evaluate(x, local)

@@ -31,10 +31,8 @@ class Reference:
         """Log density at points of the given log prior density."""
         if not self.prior_share:
             return self.mixture.log_density(points)
-        return np.logaddexp(
-            np.log(self.prior_share) + log_prior,
-            np.log1p(-self.prior_share) + self.mixture.log_density(points),
-        )
+        of_mixture = np.log1p(-self.prior_share) + self.mixture.log_density(points)
+        return np.logaddexp(np.log(self.prior_share) + log_prior, of_mixture)
 
     def gradient(
         self, points: Array, log_prior: Array, prior_gradient: Array

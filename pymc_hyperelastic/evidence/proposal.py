@@ -29,10 +29,7 @@ ProposalBuilder = Callable[[Array, Array, np.random.Generator, GaussianMixture],
 
 
 def fitted_proposal(
-    draws: Array,
-    effective: float,
-    mixtures: bool,
-    rng: np.random.Generator,
+    draws: Array, effective: float, mixtures: bool, rng: np.random.Generator
 ) -> GaussianMixture:
     """Fit a distribution to draws, (chain, draw, unknown), of which some number are effective.
 
@@ -94,9 +91,8 @@ def laplace_mixture(
 
     def derivatives(z: Array, width: Array) -> Derivatives:
         """Derivatives with respect to ``z``, where ``x = factor z``."""
-        _, gradient, curvature = found = target.derivatives(
-            z @ factor.T, width * np.sqrt(variances)
-        )
+        found = target.derivatives(z @ factor.T, width * np.sqrt(variances))
+        _, gradient, curvature = found
         if curvature is not None:
             curvature = factor.T @ curvature @ factor
         return found._replace(gradient=gradient @ factor, curvature=curvature)

@@ -97,9 +97,8 @@ def _divided_box(
 ) -> list[Array]:
     """Edges of the cells along each axis; the outermost are where the density is negligible."""
     deviations = np.sqrt((mixture.factors**2).sum(axis=-1))
-    inside = (mixture.means + _DIVISIONS[:, None, None] * deviations).reshape(
-        -1, particles.shape[1]
-    )
+    inside = mixture.means + _DIVISIONS[:, None, None] * deviations
+    inside = inside.reshape(-1, particles.shape[1])
     low, high = inside.min(axis=0), inside.max(axis=0)
     reach = high - low
     along = np.linspace(0.0, 1.0, 5000)[:, None]

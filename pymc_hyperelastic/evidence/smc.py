@@ -158,9 +158,8 @@ def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
     if isinstance(random_seed, np.random.Generator):
         random_seed = random_seed.integers(2**32, size=4)
     try:
-        return np.random.SeedSequence(
-            None if random_seed is None else np.asarray(random_seed).tolist()
-        )
+        entropy = None if random_seed is None else np.asarray(random_seed).tolist()
+        return np.random.SeedSequence(entropy)
     except (TypeError, ValueError) as error:
         raise type(error)(
             f"random_seed is {random_seed!r}; expected a whole number, not negative, several, "

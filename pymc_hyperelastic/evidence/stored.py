@@ -94,9 +94,8 @@ def read_number(result: Result, name: str, default: Any = _REQUIRED) -> float:
 def read_group(tree: xr.DataTree, name: str) -> xr.Dataset:
     """Return a group of a result that holds at least one variable."""
     if name not in tree.children:
-        raise damaged(
-            tree, f"it has no group {name!r}; its groups are {sorted(map(str, tree.children))}"
-        )
+        groups = sorted(map(str, tree.children))
+        raise damaged(tree, f"it has no group {name!r}; its groups are {groups}")
     data = tree[name].to_dataset()
     if not data.data_vars:
         raise damaged(tree, f"its group {name!r} is empty")
@@ -131,22 +130,20 @@ def check_numbers(
     finite: bool = True,
 ) -> None:
     """Raise unless a variable holds finite numbers with these dimensions, in any order."""
+    called = f"{name!r}{where}"
     if name not in data.variables:
-        raise damaged(result, f"the variable {name!r}{where} is missing")
+        raise damaged(result, f"the variable {called} is missing")
     variable = data[name]
     if dims is not None and set(variable.dims) != set(dims):
-        raise damaged(
-            result, f"{name!r}{where} has the dimensions {variable.dims}; expected {tuple(dims)}"
-        )
+        found = f"has the dimensions {variable.dims}"
+        raise damaged(result, f"{called} {found}; expected {tuple(dims)}")
     if not variable.size:
-        raise damaged(result, f"{name!r}{where} is empty: {dict(variable.sizes)}")
+        raise damaged(result, f"{called} is empty: {dict(variable.sizes)}")
     if variable.dtype.kind not in "biuf":
-        raise damaged(result, f"{name!r}{where} holds {variable.dtype}; expected numbers")
+        raise damaged(result, f"{called} holds {variable.dtype}; expected numbers")
     bad = int(np.sum(~np.isfinite(variable.values))) if finite else 0
     if bad:
-        raise damaged(
-            result, f"{bad} of {variable.size} numbers of {name!r}{where} are NaN or infinite"
-        )
+        raise damaged(result, f"{bad} of {variable.size} numbers of {called} are NaN or infinite")
 
 
 def is_number(value: Any) -> bool:

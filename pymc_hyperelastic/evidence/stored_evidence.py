@@ -19,8 +19,7 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 # Dimensions of the variables of the group ``evidence``.
 _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "stages_capped", "ancestor_fraction", "pareto_k"), ("chain",)),
-    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
-    **dict.fromkeys(("at_bounds", "unmet"), ()),
+    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se", "at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
 # Variables without which an evidence, or its error, is unknown.
@@ -45,9 +44,8 @@ def stored_diagnosis(tree: xr.DataTree) -> xr.Dataset:
     said = tree["diagnosis"].to_dataset()
     verdict, words = (said.attrs.get(name) for name in ("verdict", "words"))
     if not isinstance(verdict, str) or verdict not in VERDICTS or not isinstance(words, str):
-        raise damaged(
-            tree, f"its diagnosis has the verdict {verdict!r}; expected one of {list(VERDICTS)}"
-        )
+        expected = f"expected one of {list(VERDICTS)}"
+        raise damaged(tree, f"its diagnosis has the verdict {verdict!r}; {expected}")
     return said
 
 

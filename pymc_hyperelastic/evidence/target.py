@@ -118,10 +118,9 @@ class Target:
         """Return points (..., d) by the name of the variable, each with its own shape."""
         ends = np.cumsum([size for _, size in self.var_info.values()])
         columns = np.split(points, ends[:-1], axis=-1)
-        shapes = [shape for shape, _ in self.var_info.values()]
         return {
             name: column.reshape(*points.shape[:-1], *shape)
-            for name, column, shape in zip(self.var_info, columns, shapes, strict=True)
+            for (name, (shape, _)), column in zip(self.var_info.items(), columns, strict=True)
         }
 
     def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
@@ -198,17 +197,12 @@ class Target:
     def _with_gradients(self) -> BatchedFunction | None:
         variables = self.model.value_vars
         try:
-            gradients = [
-                pt.concatenate(
-                    [pt.flatten(g) for g in pt.grad(term, variables, disconnected_inputs="ignore")]
-                )
-                for term in self._terms
-            ]
+            each = [pt.grad(t, variables, disconnected_inputs="ignore") for t in self._terms]
         except (NotImplementedError, NullTypeGradError):
             return None
-        return BatchedFunction.of_model(
-            self.model, [*self._terms, *gradients], self._compile_kwargs
-        )
+        gradients = [pt.concatenate([pt.flatten(g) for g in gradient]) for gradient in each]
+        outputs = [*self._terms, *gradients]
+        return BatchedFunction.of_model(self.model, outputs, self._compile_kwargs)
 
 
 def evaluation(prior: Array, likelihood: Array) -> Evaluation:
@@ -234,12 +228,9 @@ def in_one_period(model: pm.Model) -> TensorVariable:
 
     On its unconstrained scale an angle repeats itself, and would be counted again and again.
     """
-    angles = [
-        model.rvs_to_values[rv]
-        for rv, transform in model.rvs_to_transforms.items()
-        if isinstance(transform, CircularTransform)
-    ]
-    outside = [pt.any(pt.abs(angle) > np.pi) for angle in angles]
+    transforms = model.rvs_to_transforms.items()
+    angles = [rv for rv, transform in transforms if isinstance(transform, CircularTransform)]
+    outside = [pt.any(pt.abs(model.rvs_to_values[angle]) > np.pi) for angle in angles]
     return pt.switch(pt.any(pt.stack(outside)), -np.inf, 0.0) if outside else pt.constant(0.0)
 
 

@@ -192,10 +192,8 @@ class TemperedSMC:
         while len(rates) < most and not forgotten:
             rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
             visited.append(self._now)
-            forgotten = (
-                len(rates) >= _FEWEST_MOVES
-                and _largest_correlation(origin, self.particles) < settings.forget
-            )
+            enough = len(rates) >= _FEWEST_MOVES
+            forgotten = enough and _largest_correlation(origin, self.particles) < settings.forget
         self._places = PathPoints(*(np.concatenate(x) for x in zip(*visited, strict=True)))
         self.stages += 1
         self.stage_capped = not forgotten
