@@ -69,7 +69,7 @@ class HamiltonianMove(Move):
     """
 
     best_rate = 0.65  # the optimal acceptance rate (Beskos et al. 2013)
-    most_steps = 10
+    most_steps = 10  # leapfrog steps of one move
 
     def __init__(self, dimension: int, gradient: Callable[[Array], Array]) -> None:
         self._length, self._gradient = dimension**-0.25, gradient
