@@ -207,3 +207,8 @@ class RadiusAtPressure(TubeOp):
         tube = Tube.of_inputs(self.strain_energies, rest)
         here, stiffness = wall_pressure(tube, outputs[0], self.order)
         return [(pressure - here, cotangents[0] / stiffness)]
+
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient by every input; that by the radius to start from is 0."""
+        gradients = super().pullback(inputs, outputs, cotangents)
+        return [gradients[0], pt.zeros_like(inputs[1]), *gradients[2:]]

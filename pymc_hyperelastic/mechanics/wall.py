@@ -64,11 +64,14 @@ class TubeOp(TensorSymbolicOp):
         own, found = ([x.type() for x in variables] for variables in (inputs, outputs))
         used = [not isinstance(x.type, DisconnectedType) for x in cotangents]
         known = dict(compress(self.known_gradients(own, found, cotangents), used))
-        settings = {"disconnected_inputs": "ignore", "return_disconnected": "zero"}
+        settings = {"disconnected_inputs": "ignore", "return_disconnected": "disconnected"}
         gradients = grad(None, own, known_grads=known, **settings)
         given = dict(zip([*own, *found], [*inputs, *outputs], strict=True))
         finite = reduce(and_, [pt.all(pt.abs(x) < OVERFLOW) for x in compress(outputs, used)])
-        return [pt.where(pt.isfinite(g) | finite, g, 0.0) for g in clone_replace(gradients, given)]
+        return [
+            pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
+            for g in clone_replace(gradients, given)
+        ]
 
     def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
         """Return expressions of the inputs, at known outputs, and gradients by these."""
