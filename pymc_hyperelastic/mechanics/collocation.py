@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.interpolation import (
+    Array,
     ChebyshevNodes,
     Group,
     Interpolation,
     KnownTubes,
+    Points,
 )
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.wall import PIECE, TubeOp, response
 
-Array = NDArray[np.float64]
 Basis = ChebyshevNodes | SelectedNodes
 
 
@@ -46,10 +46,9 @@ class CollocatedIntegral(TubeOp):
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Response at the nodes, then one matrix product for each group."""
-        log_hoop, log_axial, *rest = inputs
-        count = len(rest) - len(self.strain_energy.entry_names)
-        matrices, entries = rest[:count], rest[count:]
-        log_hoop, log_axial, *entries = pt.broadcast_arrays(log_hoop, log_axial, *entries)
+        first = len(inputs) - len(self.strain_energy.entry_names)
+        matrices = inputs[2:first]
+        log_hoop, log_axial, *entries = pt.broadcast_arrays(*inputs[:2], *inputs[first:])
         stress = response(self.strain_energy, log_hoop, log_axial, entries, force=self.force)
         # A row times the transposed matrix: a batch of rows keeps its order in memory.
         row = stress[..., None, :]
@@ -95,7 +94,7 @@ def collocate(
 
 def curve_matrices(
     tubes: KnownTubes, groups: Sequence[Group], basis: Basis
-) -> tuple[dict[str, Array], NDArray[np.intp]]:
+) -> tuple[dict[str, Array], Points]:
     """Return matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
     Groups are padded to the same number of rows and nodes: a node is repeated, with a weight of 0.

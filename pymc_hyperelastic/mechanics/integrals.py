@@ -1,24 +1,16 @@
 """The integrals over a wall: pressure, axial force, stored energy; and the pressure inverted."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from pytensor.gradient import DisconnectedType, disconnected_type, grad
 from pytensor.graph.basic import Variable
-from pytensor.graph.replace import clone_replace
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import (
-    WALL_ORDER,
-    TubeOp,
-    WallIntegral,
-    response,
-    zero_at_overflow,
-)
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, TubeOp, WallIntegral, response
 
 # Steps of Newton's method: with the longest steps, they reach twice the first radius and converge.
 _STEPS = 10
@@ -192,9 +184,9 @@ class RadiusAtPressure(TubeOp):
 
     with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, and
     :attr:`Tube.inputs`; they broadcast against each other. Outputs are the radius, and the relative
-    length of the last step, infinite where pressure falls with the radius: large where no such
-    radius was found. `strain_energies` are those of the layers, `order` is the number of nodes of
-    the Gauss-Legendre rule.
+    length of the last step, which is large where no such radius was found. Both are infinite where
+    pressure falls with the radius. `strain_energies` are those of the layers, `order` is the number
+    of nodes of the Gauss-Legendre rule.
     """
 
     __props__ = ("strain_energies", "order")
@@ -207,25 +199,16 @@ class RadiusAtPressure(TubeOp):
             here, stiffness = wall_pressure(tube, radius, self.order)
             step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
             radius = radius * (1 + pt.clip(step, -LONGEST_STEP, LONGEST_STEP))
-        return [radius, pt.abs(step)]
+        return [pt.where(pt.isinf(step), np.inf, radius), pt.abs(step)]
+
+    def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
+        """Gradient of the exact solution; the last step has none."""
+        pressure, _, *rest = inputs
+        tube = Tube.of_inputs(self.strain_energies, rest)
+        here, stiffness = wall_pressure(tube, outputs[0], self.order)
+        return [(pressure - here, cotangents[0] / stiffness)]
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
-        """Gradient of the exact solution; zero if no solution was found."""
-        cotangent = cotangents[0]
-        if isinstance(cotangent.type, DisconnectedType):
-            return [disconnected_type() for _ in inputs]
-        # Variables of their own keep inputs apart that depend on each other.
-        own = [x.type() for x in inputs]
-        radius, weight = outputs[0].type(), cotangent.type()
-        tube = Tube.of_inputs(self.strain_energies, own[2:])
-        pressure, stiffness = wall_pressure(tube, radius, self.order)
-        gradients = grad(
-            None,
-            own,
-            known_grads={pressure - own[0]: -weight / stiffness},
-            disconnected_inputs="ignore",  # the radius to start from does not matter
-            return_disconnected="zero",
-        )
-        known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
-        gradients = clone_replace(gradients, dict(known))
-        return zero_at_overflow(gradients, outputs)
+        """Gradient by every input; that by the radius to start from is 0."""
+        gradients = super().pullback(inputs, outputs, cotangents)
+        return [gradients[0], pt.zeros_like(inputs[1]), *gradients[2:]]

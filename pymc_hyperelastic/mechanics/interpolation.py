@@ -12,23 +12,23 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import pytensor
 import pytensor.tensor as pt
-from numpy.polynomial import chebyshev
+from numpy.polynomial.chebyshev import chebder, chebpts1, chebvander
 from numpy.typing import NDArray
 from scipy.fft import dct
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.mechanics.tube import UNLOADED, stretches
-from pymc_hyperelastic.mechanics.wall import WallRule, response, wall_rule
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, response, wall_rule
 
 Array = NDArray[np.float64]
+Points = NDArray[np.intp]
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then exact to about 1e-12 of its largest value, and rounding errors do not count.
 COEFFICIENT_TOLERANCE = 1e-14
-# Largest number of Chebyshev nodes: with more, quadrature of the walls is about as fast.
-MOST_NODES = 64
-# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
-_NARROWEST = 1e-3
+# Logarithmic strain below which no test can distinguish stretches: the smallest half width of a
+# range of ln λθ. No law overflows at this strain.
+SMALL_STRAIN = 1e-3
 
 
 class KnownTubes(NamedTuple):
@@ -51,9 +51,9 @@ class KnownTubes(NamedTuple):
     def log_hoop(self) -> tuple[Array, Array]:
         """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
         tube = {name: getattr(self, name) for name in UNLOADED}
-        _, inner, _ = stretches(self.inner_radius, self.radius, **tube)
-        _, outer, _ = stretches(self.outer_radius, self.radius, **tube)
-        return np.log(inner), np.log(outer)
+        faces = np.stack([self.inner_radius, self.outer_radius])
+        inner, outer = np.log(stretches(faces, self.radius, **tube)[1])
+        return inner, outer
 
     def quadrature(self, *, split: bool = False) -> tuple[WallRule, Array]:
         """Return the quadrature rule of each wall, and ``ln λz`` of its nodes (point, node).
@@ -63,8 +63,7 @@ class KnownTubes(NamedTuple):
         """
         inner, outer = self.log_hoop
         kinks = [np.zeros(())] if split and np.any((inner < 0) != (outer < 0)) else []
-        geometry = [values[:, None] for values in self[:5]]
-        rule = wall_rule(np, geometry, kinks=kinks)
+        rule = wall_rule(np, [values[:, None] for values in self[:5]], kinks=kinks)
         log_axial = np.broadcast_to(np.log(self.axial_stretch)[:, None], rule.log_hoop.shape)
         return rule, log_axial
 
@@ -72,7 +71,7 @@ class KnownTubes(NamedTuple):
 class Group(NamedTuple):
     """Points whose walls share the nodes of a basis."""
 
-    points: NDArray[np.intp]
+    points: Points
     hoop: tuple[float, float]
     """Centre and half width of the range of ``ln λθ`` in the walls."""
 
@@ -83,10 +82,9 @@ def groups_by(tubes: KnownTubes, key: NDArray) -> list[Group]:
     for value in np.unique(key):
         own = np.flatnonzero(key == value)
         log_hoop = tubes.at(own).log_hoop
-        low, high = float(np.min(log_hoop)), float(np.max(log_hoop))
         # A range of one stretch is widened, so that a polynomial can be differentiated there.
-        half = max((high - low) / 2, _NARROWEST)
-        groups.append(Group(own, (low + half, half)))
+        half = max(float(np.ptp(log_hoop)) / 2, SMALL_STRAIN)
+        groups.append(Group(own, (float(np.min(log_hoop)) + half, half)))
     return groups
 
 
@@ -112,30 +110,23 @@ class ChebyshevNodes:
     def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Return nodes that span the stretches in the walls of the group."""
         centre, half = group.hoop
-        log_hoop = centre + half * chebyshev_nodes(self.nodes)
         log_axial = np.full(self.nodes, np.log(tubes.axial_stretch[group.points[0]]))
-        coefficient = value_to_coefficient(self.nodes)
-        derivative = np.zeros_like(coefficient)
-        derivative[:-1] = chebyshev.chebder(coefficient, axis=0) / half
+        coefficient = _value_to_coefficient(self.nodes)
+        derivative = chebder(coefficient, axis=0) / half
 
         def weights(log_hoop: Array, _: Array) -> tuple[Array, Array]:
-            vandermonde = chebyshev.chebvander((log_hoop - centre) / half, self.nodes - 1)
-            return (vandermonde @ coefficient).T, (vandermonde @ derivative).T
+            vandermonde = chebvander((log_hoop - centre) / half, self.nodes - 1)
+            return (vandermonde @ coefficient).T, (vandermonde[:, :-1] @ derivative).T
 
-        return Interpolation((log_hoop, log_axial), weights)
-
-
-@cache
-def chebyshev_nodes(count: int) -> Array:
-    """Chebyshev points of the first kind in (-1, 1)."""
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        return Interpolation((centre + half * chebpts1(self.nodes), log_axial), weights)
 
 
 @cache
-def value_to_coefficient(count: int) -> Array:
-    """Matrix from values at the Chebyshev nodes to Chebyshev coefficients."""
-    scale = np.append(1 / count, np.full(count - 1, 2 / count))
-    return scale[:, None] * dct(np.eye(count), axis=0) / 2
+def _value_to_coefficient(count: int) -> Array:
+    """Matrix from values at the Chebyshev points, rising, to coefficients; exact to rounding."""
+    coefficients = dct(np.eye(count)[::-1], axis=0) / count
+    coefficients[0] /= 2
+    return coefficients
 
 
 @np.errstate(all="ignore")  # some of the materials may be impossible
@@ -150,28 +141,28 @@ def nodes_needed(
 ) -> int | None:
     """Return how many Chebyshev nodes the responses need, or None if they are more than 64.
 
-    Needed are all coefficients up to the last one that exceeds the `tolerance`, relative to the
-    largest, for any of the `materials`: one array for each entry of the parameters.
+    Quadrature of the walls is about as fast as 64 nodes, twice its own number. Needed are all
+    coefficients up to the last one that exceeds the `tolerance`, relative to the largest, for any
+    of the `materials`: one array for each entry of the parameters.
     """
     kinds = (False, True) if with_force else (False,)
     columns = [values.reshape(-1, 1) for values in materials]
-    needed = 2
+    most, needed = 2 * WALL_ORDER, 2
     for group in groups:
-        places = ChebyshevNodes(2 * MOST_NODES).interpolation(tubes, group).places
-        nodes = [x[None] for x in places]
+        nodes = [x[None] for x in ChebyshevNodes(2 * most).interpolation(tubes, group).places]
         values = np.stack([response_function(energy, f)(*nodes, *columns)[0] for f in kinds])
         possible = np.isfinite(values).all(axis=(0, 2))
-        coefficients = np.abs(values[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
+        coefficients = np.abs(values[:, possible] @ _value_to_coefficient(2 * most).T)
         # Forces are differences of stresses, and have the rounding errors of these.
         largest = np.maximum.accumulate(coefficients.max(axis=2, keepdims=True))
         significant = (coefficients > tolerance * largest).any(axis=(0, 1))
         needed = max(needed, int(np.flatnonzero(significant).max(initial=0)) + 1)
-        if needed > MOST_NODES:
+        if needed > most:
             return None
     return needed
 
 
-def evenly(count: int, most: int) -> NDArray[np.intp]:
+def evenly(count: int, most: int) -> Points:
     """Return at most `most` of the numbers below `count`, evenly spread, both ends included."""
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
@@ -183,9 +174,8 @@ def response_function(energy: StrainEnergy, force: bool, slope: bool = False) ->
     The function takes ``ln λθ`` and ``ln λz`` (1, place), and the entries of materials
     (material, 1).
     """
-    log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
-    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
-    entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
+    log_hoop, log_axial = (pt.tensor(dtype="float64", shape=(1, None)) for _ in range(2))
+    entries = [pt.tensor(dtype="float64", shape=(None, 1)) for _ in energy.entry_names]
     hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
     stress = response(energy, hoop, axial, full, force=force)
     outputs = [stress, *([elementwise_derivative(stress, hoop)] if slope else [])]

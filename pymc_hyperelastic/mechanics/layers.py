@@ -121,9 +121,7 @@ class Tube(NamedTuple):
 
 
 def tube_of(
-    energy: StrainEnergy | Sequence[Layer],
-    reference: Sequence[Any],
-    parameters: Mapping[str, Any],
+    energy: StrainEnergy | Sequence[Layer], reference: Sequence[Any], parameters: Mapping[str, Any]
 ) -> Tube:
     """Return the tube of one material or of layers.
 
@@ -170,13 +168,9 @@ def check_geometry(**geometry: Any) -> None:
             raise TypeError(f"{name} is {given!r}; {expected}") from None
         if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
             raise ValueError(f"{name} must be positive and finite; got {value}")
-    if {"inner_radius", "outer_radius"} <= set(numbers) and not np.all(
-        numbers["outer_radius"] > numbers["inner_radius"]
-    ):
-        raise ValueError(
-            f"outer_radius must exceed inner_radius; got {numbers['outer_radius']} and "
-            f"{numbers['inner_radius']}"
-        )
+    inner, outer = numbers.get("inner_radius", 0.0), numbers.get("outer_radius", np.inf)
+    if not np.all(outer > inner):
+        raise ValueError(f"outer_radius must exceed inner_radius; got {outer} and {inner}")
     if not np.all(np.abs(numbers.get("opening_angle", 0.0)) < 2 * np.pi):
         raise ValueError(
             f"opening_angle must be in radians and below 2π; got {numbers['opening_angle']}. "

@@ -12,20 +12,20 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 from pymc_hyperelastic.mechanics.interpolation import (
+    Array,
     Group,
     Interpolation,
     KnownTubes,
+    Points,
     evenly,
     response_function,
 )
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import OVERFLOW
 
-Array = NDArray[np.float64]
 # Materials: one array (material) for each entry of the parameters, in the order of the law.
 Materials = Sequence[Array]
 
@@ -63,8 +63,7 @@ class SelectedNodes:
         parts = [self.snapshots, *added] if self.snapshots else added
         candidates = [np.concatenate(values) for values in zip(*parts, strict=True)]
         with_all = replace(self, snapshots=candidates)
-        places = self._quadrature_nodes(tubes, _COMPARED)
-        (responses,) = with_all.responses(*places)
+        (responses,) = with_all.responses(*self._quadrature_nodes(tubes, _COMPARED))
         *_, pivots = _independent(_scaled(responses, _scale(responses)).T, self.tolerance)
         chosen = np.unique(pivots % len(candidates[0]))
         return replace(with_all, snapshots=[values[chosen] for values in candidates])
@@ -88,10 +87,9 @@ class SelectedNodes:
         q_factor, r_factor, nodes = _independent(_scaled(snapshots, scale), self.tolerance)
 
         def weights(log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
-            values, slopes = (
-                solve_triangular(r_factor, q_factor.T @ _scaled(snapshots, scale))
-                for snapshots in self.responses(log_hoop, log_axial, slope=True)
-            )
+            both = np.hstack(self.responses(log_hoop, log_axial, slope=True))
+            both = solve_triangular(r_factor, q_factor.T @ _scaled(both, scale))
+            values, slopes = np.hsplit(both, 2)
             return values, slopes
 
         return Interpolation((places[0][nodes], places[1][nodes]), weights, self.split)
@@ -118,7 +116,7 @@ class SelectedNodes:
         return rule.log_hoop[:, some][exist], log_axial[:, some][exist]
 
 
-def _independent(matrix: Array, tolerance: float) -> tuple[Array, Array, NDArray[np.intp]]:
+def _independent(matrix: Array, tolerance: float) -> tuple[Array, Array, Points]:
     """Return the independent columns of a matrix as ``Q R``, and their places, by pivoting."""
     q_factor, r_factor, pivots = qr(matrix, mode="economic", pivoting=True)
     left = np.abs(np.diag(r_factor))

@@ -1,8 +1,9 @@
 """Integrals over the wall of a tube: the quadrature rule, and the Op that integrals share."""
 
-from collections.abc import Sequence
-from functools import cache, lru_cache
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from functools import cache, lru_cache, reduce
+from itertools import compress, pairwise
+from operator import and_
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -60,17 +61,21 @@ class TubeOp(TensorSymbolicOp):
         number at finite values stays visible.
         """
         # Variables of their own keep inputs apart that depend on each other.
-        own = [x.type() for x in inputs]
-        known, connected = {}, []
-        values = self.build_inner_graph(*own)
-        for value, output, cotangent in zip(values, outputs, cotangents, strict=True):
-            if not isinstance(cotangent.type, DisconnectedType):
-                known[value] = cotangent
-                connected.append(output)
+        own, found = ([x.type() for x in variables] for variables in (inputs, outputs))
+        used = [not isinstance(x.type, DisconnectedType) for x in cotangents]
+        known = dict(compress(self.known_gradients(own, found, cotangents), used))
         settings = {"disconnected_inputs": "ignore", "return_disconnected": "disconnected"}
         gradients = grad(None, own, known_grads=known, **settings)
-        gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return zero_at_overflow(gradients, connected)
+        given = dict(zip([*own, *found], [*inputs, *outputs], strict=True))
+        finite = reduce(and_, [pt.all(pt.abs(x) < OVERFLOW) for x in compress(outputs, used)])
+        return [
+            pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
+            for g in clone_replace(gradients, given)
+        ]
+
+    def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
+        """Return expressions of the inputs, at known outputs, and gradients by these."""
+        return zip(self.build_inner_graph(*inputs), cotangents, strict=True)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
@@ -81,16 +86,6 @@ class TubeOp(TensorSymbolicOp):
 def _built(kind: Any, input_types: tuple[Any, ...], settings: tuple[Any, ...]) -> TubeOp:
     """Return the Op for inputs of these types; most models need one that was built before."""
     return kind(list(input_types), **dict(settings))
-
-
-def zero_at_overflow(gradients: Sequence[Any], values: Sequence[Tensor]) -> list[Variable]:
-    """Return gradients with non-finite entries set to 0, if one of the values overflows."""
-    finite: Any = np.array(True)
-    for value in values:
-        finite = finite & pt.all(pt.abs(value) < OVERFLOW)
-    return [
-        pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g for g in gradients
-    ]
 
 
 def response(

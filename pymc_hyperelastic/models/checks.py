@@ -61,10 +61,7 @@ def check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> Check:
 
 CHECKS_OF_CURVES = ModelChecks(
     checks_of_curves,
-    variables={
-        "curve_error": (),
-        **dict.fromkeys(("chi_square", "points"), ("test", "signal")),
-    },
+    variables={"curve_error": (), **dict.fromkeys(("chi_square", "points"), ("test", "signal"))},
     together={"points": "chi_square", "chi_square": "points"},
     about_fit=("residuals",),
 )

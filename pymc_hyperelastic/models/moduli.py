@@ -17,12 +17,9 @@ from pytensor.graph.rewriting.utils import rewrite_graph
 from pytensor.tensor.type import TensorType
 from pytensor.tensor.variable import TensorVariable as Tensor
 
+from pymc_hyperelastic.mechanics.interpolation import SMALL_STRAIN
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-
-# Strain that replaces one at which stress overflows, in the unused branch: no law overflows here.
-_SMALL_STRAIN = 1e-6
-# Number of random materials by which `has_additive_stress` tests a law.
-_TRIAL_MATERIALS = 20
+from pymc_hyperelastic.models.priors import FEW_DRAWS
 
 
 def moduli_by_ratio(
@@ -33,7 +30,7 @@ def moduli_by_ratio(
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    """Moduli with given ratios to the first and ``σθθ − σrr = stress`` at a hoop strain ``ln λθ``.
+    """Entries with moduli of given ratios, and ``σθθ − σrr = stress`` at a hoop strain ``ln λθ``.
 
     The axial strain is 0, and `stress` is in kPa. `indices` are those of the moduli in `entries`,
     the entries of all parameters, and `log_ratios` the logarithms of all moduli but the first,
@@ -42,7 +39,7 @@ def moduli_by_ratio(
     moduli = [pt.ones_like(strain), *(pt.exp(x) for x in log_ratios)]
     parameters = energy.join(_replaced(entries, indices, moduli))
     unit = energy.stress_difference(strain, pt.zeros_like(strain), **parameters)
-    return [modulus * stress / unit for modulus in moduli]
+    return _replaced(entries, indices, [modulus * stress / unit for modulus in moduli])
 
 
 def moduli_by_stress(
@@ -53,12 +50,13 @@ def moduli_by_stress(
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    """Moduli whose stresses have given ratios and the sum ``T₀`` at an equibiaxial strain ``e``.
+    """Entries with moduli whose stresses have given ratios, and the sum ``T₀`` at a strain ``e``.
 
     See :class:`~pymc_hyperelastic.models.natural_scale.NaturalScale` for the equation. The stress
     of the law must be the sum of the stresses ``t_i`` of its moduli, see
     :func:`has_additive_stress`. A modulus is 0 if the square of ``t_i`` overflows. Parameters are
-    those of :func:`moduli_by_ratio`, `strain` is ``e``, and `log_ratios` are ``x_i``, ``i > 1``.
+    those of :func:`moduli_by_ratio`. The equibiaxial `strain` is ``e``, and `log_ratios` are
+    ``x_i``, ``i > 1``.
     """
     log_ratios = [pt.zeros_like(strain), *log_ratios]
     moduli = []
@@ -66,11 +64,11 @@ def moduli_by_stress(
         # Gradients hold products of such stresses.
         finite = pt.isfinite(pt.square(_unit_stress(energy, entries, indices, index, strain)))
         # Without a strain of its own the unused branch would have the gradient 0 · inf.
-        safe = pt.where(finite, strain, _SMALL_STRAIN)
+        safe = pt.where(finite, strain, SMALL_STRAIN)
         unit = _unit_stress(energy, entries, indices, index, safe)
         contribution = stress / sum(pt.exp(other - x) for other in log_ratios)
         moduli.append(pt.where(finite, contribution / unit, 0.0))
-    return moduli
+    return _replaced(entries, indices, moduli)
 
 
 def biaxial_stress(energy: StrainEnergy, strain: Tensor, entries: Sequence[Any]) -> Tensor:
@@ -95,14 +93,14 @@ def has_additive_stress(energy: StrainEnergy) -> bool:
     indices = [i for i, p in enumerate(parameters) if p.unit == "kPa" and p.natural_scale == "log"]
     rng = np.random.default_rng(1)
     # Small strains, and parameters in the lower half of their ranges: few stresses overflow.
-    strain = pt.constant(rng.uniform(0.02, 0.2, _TRIAL_MATERIALS))
-    fractions = rng.uniform(0.05, 0.5, (len(parameters), _TRIAL_MATERIALS))
+    strain = pt.constant(rng.uniform(0.02, 0.2, FEW_DRAWS))
+    fractions = rng.uniform(0.05, 0.5, (len(parameters), FEW_DRAWS))
     low, high = np.transpose([p.prior_range for p in parameters])[..., None]
     entries: list[Any] = [*map(pt.constant, low + (high - low) * fractions)]
-    log_ratios = [pt.constant(rng.standard_normal(_TRIAL_MATERIALS)) for _ in indices[1:]]
-    moduli = moduli_by_stress(energy, entries, indices, strain, log_ratios, 1.0)
-    stress = biaxial_stress(energy, strain, _replaced(entries, indices, moduli))
-    stress, *moduli = pytensor.function([], [stress, *moduli], mode="FAST_COMPILE")()
+    log_ratios = [pt.constant(rng.standard_normal(FEW_DRAWS)) for _ in indices[1:]]
+    entries = moduli_by_stress(energy, entries, indices, strain, log_ratios, 1.0)
+    outputs = [biaxial_stress(energy, strain, entries), *(entries[i] for i in indices)]
+    stress, *moduli = pytensor.function([], outputs, mode="FAST_COMPILE")()
     finite = np.isfinite(stress)
     positive = all((modulus[finite] > 0).all() for modulus in moduli)
     # Derivatives of energies are accurate to about 1e-10, and laws that are not additive differ by

@@ -4,10 +4,10 @@ Population models and classes with variability between specimens use them: the t
 material parameters, and the default priors of a class. The page Variability gives reasons.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import islice
+from functools import cached_property, lru_cache, reduce
+from operator import or_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +19,7 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import Parameter, StrainEnergy
-from pymc_hyperelastic.models.moduli import (
-    has_additive_stress,
-    moduli_by_ratio,
-    moduli_by_stress,
-)
+from pymc_hyperelastic.models.moduli import has_additive_stress, moduli_by_ratio, moduli_by_stress
 from pymc_hyperelastic.models.priors import (
     complete_layers,
     is_inferred,
@@ -137,17 +133,15 @@ class NaturalScale:
         """Distributions of the inferred thicknesses of layers, by name."""
         if isinstance(self.wall, StrainEnergy):
             return {}
-        names = (material.layer.values["thickness"] for material in self._materials)
-        given = ((name, layer.thickness) for name, layer in zip(names, self.wall, strict=True))
-        return {name: thickness for name, thickness in given if isinstance(name, str)}
+        names = [material.layer.values["thickness"] for material in self._materials]
+        stated = zip(names, self.wall, strict=True)
+        return {name: layer.thickness for name, layer in stated if isinstance(name, str)}
 
     @cached_property
     def _priors(self) -> dict[str, _Prior]:
         """Default priors by coordinate."""
-        of_materials = (material.coordinates for material in self._materials)
-        priors = {name: prior for found in of_materials for name, prior in found.items()}
-        thicknesses = self._thicknesses.items()
-        return priors | {f"log_{name}": _prior_of_thickness(name, d) for name, d in thicknesses}
+        priors = {f"log_{n}": _prior_of_thickness(n, d) for n, d in self._thicknesses.items()}
+        return reduce(or_, [material.coordinates for material in self._materials]) | priors
 
     @property
     def names(self) -> list[str]:
@@ -172,7 +166,7 @@ class NaturalScale:
         inferred thicknesses are included.
         """
         rest = iter(coordinates)
-        by_layer = [m.parameters([*islice(rest, len(m.coordinates))]) for m in self._materials]
+        by_layer = [material.parameters(rest) for material in self._materials]
         if isinstance(self.wall, StrainEnergy):
             return by_layer[0]
         parameters: dict[str, Any] = {}
@@ -233,19 +227,17 @@ class _Entry(NamedTuple):
         if scale == "log":
             prior = _PRIORS["modulus" if self.parameter.unit == "kPa" else "shape"]
             median, sd = self.parameter.typical or (high * np.exp(prior.mean), prior.sd)
-            prior = _Prior(np.log(median), sd, prior.spread)
-        else:
-            prior = _PRIORS[scale]
+            return f"log_{self.name}", _Prior(np.log(median), sd, prior.spread)
+        prior = _PRIORS[scale]
         if scale == "real":
-            sd, spread = (high - low) * prior.sd, (high - low) * prior.spread
-            prior = _Prior((low + high) / 2, sd, spread)
+            prior = _Prior((low + high) / 2, *((high - low) * x for x in prior[1:]))
         return f"{scale}_{self.name}", prior
 
     def value(self, x: TensorVariable | None) -> Any:
         """Value of the entry at its coordinate `x`, or its number."""
-        scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         if x is None:
             return pt.as_tensor(self.number)
+        scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         if scale == "log":
             return pt.exp(x)
         return low + (high - low) * pt.sigmoid(x) if scale == "logit" else x
@@ -258,13 +250,12 @@ class _Material:
         self.layer, self.energy = layer, layer.energy
         self._suffix, self._stress = suffix, reference_stress
         self._entries = [e for p in self.energy.parameters for e in self._entries_of(p)]
-        moduli = [i for i, e in enumerate(self._entries) if e.parameter.unit == "kPa"]
+        moduli = {i: e for i, e in enumerate(self._entries) if e.parameter.unit == "kPa"}
         # The reference stress determines the moduli only if all of them are inferred.
-        if reference_stress is None or any(self._entries[i].number is not None for i in moduli):
-            moduli = []
-        scales = [e.parameter.natural_scale for e in self._entries]
+        if reference_stress is None or any(e.number is not None for e in moduli.values()):
+            moduli = {}
         # Indices of the moduli that the reference stress determines.
-        self._moduli = [i for i in moduli if scales[i] == "log"]
+        self._moduli = [i for i, e in moduli.items() if e.parameter.natural_scale == "log"]
         self._additive = len(self._moduli) > 1 and has_additive_stress(self.energy)
 
     def _entries_of(self, p: Parameter) -> list[_Entry]:
@@ -276,8 +267,7 @@ class _Material:
     @property
     def coordinates(self) -> dict[str, _Prior]:
         """Name and prior of the coordinate of each inferred entry, in the order of the entries."""
-        inferred = (i for i, entry in enumerate(self._entries) if entry.number is None)
-        return dict(self._coordinate(i) for i in inferred)
+        return dict(self._coordinate(i) for i, e in enumerate(self._entries) if e.number is None)
 
     def _coordinate(self, index: int) -> tuple[str, _Prior]:
         entry = self._entries[index]
@@ -293,20 +283,15 @@ class _Material:
         prior = _PRIORS["ratio"]._replace(mean=np.log(largest) + _PRIORS["ratio"].mean)
         return f"log_{entry.name}_ratio", prior
 
-    def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
-        """Parameters by name, vectors as tuples, from the coordinates of the inferred entries."""
-        rest = iter(coordinates)
-        given = [next(rest) if e.number is None else None for e in self._entries]
+    def parameters(self, coordinates: Iterator[TensorVariable]) -> dict[str, Any]:
+        """Parameters by name, vectors as tuples, from the next coordinates, of inferred entries."""
+        given = [next(coordinates) if e.number is None else None for e in self._entries]
         entries = [e.value(x) for e, x in zip(self._entries, given, strict=True)]
         if self._moduli and self._stress is not None:
             first, *others = self._moduli
             moduli_of = moduli_by_stress if self._additive else moduli_by_ratio
-            ratios = [given[i] for i in others]
-            moduli = moduli_of(
-                self.energy, entries, self._moduli, entries[first], ratios, self._stress
-            )
-            for i, modulus in zip(self._moduli, moduli, strict=True):
-                entries[i] = modulus
+            state = entries[first], [given[i] for i in others], self._stress
+            entries = moduli_of(self.energy, entries, self._moduli, *state)
         return self.energy.join(entries)
 
 

@@ -22,7 +22,7 @@ from pytensor.graph.replace import clone_replace
 from pytensor.graph.traversal import ancestors
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.evidence.batched import is_random
 from pymc_hyperelastic.evidence.checks import check_precision
@@ -35,13 +35,14 @@ from pymc_hyperelastic.quantities import MEASURES
 # Draws of a prior for its moments and probabilities: an estimate of the prior probability 0.05 has
 # a relative standard error of 3 %.
 PRIOR_DRAWS = 20000
+# Fewest draws that stand for a distribution: four of five samples of this size hold a draw of any
+# twentieth of it.
+FEW_DRAWS = 32
 
 
 def complete_priors(
-    energy: StrainEnergy,
-    priors: dict[str, TensorVariable] | None = None,
-    model: pm.Model | None = None,
-) -> dict[str, TensorVariable]:
+    energy: StrainEnergy, priors: dict[str, Tensor] | None = None, model: pm.Model | None = None
+) -> dict[str, Tensor]:
     """Return priors of all parameters: those given, and uniform defaults for the others.
 
     A default prior is uniform over :attr:`Parameter.prior_range`. A given prior is a distribution,
@@ -55,19 +56,18 @@ def complete_priors(
     ['mu', 'alpha']
     """
     sizes = {p.name: p.size for p in energy.parameters}
-    return _with_defaults(energy, check_priors(priors, sizes, energy.name, model))
+    return _default_priors(energy) | check_priors(priors, sizes, energy.name, model)
 
 
-def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
-    defaults = {p.name: pm.Uniform.dist(*p.prior_range, shape=p.size) for p in energy.parameters}
-    return defaults | dict(given)
+def _default_priors(energy: StrainEnergy) -> dict[str, Any]:
+    return {p.name: pm.Uniform.dist(*p.prior_range, shape=p.size) for p in energy.parameters}
 
 
 def complete_wall(
     energy: StrainEnergy | Sequence[Layer],
-    priors: dict[str, TensorVariable] | None = None,
+    priors: dict[str, Tensor] | None = None,
     model: pm.Model | None = None,
-) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
+) -> tuple[StrainEnergy | list[Layer], dict[str, Tensor]]:
     """Return the material, or the layers with all parameters, and the priors of all parameters."""
     check_precision()
     if not isinstance(energy, Sequence):
@@ -84,7 +84,7 @@ def complete_wall(
 
 def complete_layers(
     layers: Sequence[Layer], model: pm.Model | None = None
-) -> tuple[list[Layer], dict[str, TensorVariable]]:
+) -> tuple[list[Layer], dict[str, Tensor]]:
     """Add default priors to layers, and return the layers and their distributions by name.
 
     The name of a distribution ends with the number of its layer, counted from the inside. A
@@ -93,9 +93,9 @@ def complete_layers(
     would have the same name.
     """
     filled = []
-    places: dict[TensorVariable, list[tuple[str, int]]] = {}
+    places: dict[Tensor, list[tuple[str, int]]] = {}
     for number, layer in enumerate(layers, start=1):
-        parameters = _with_defaults(layer.energy, layer.parameters)
+        parameters = _default_priors(layer.energy) | layer.parameters
         sizes = {p.name: p.size for p in layer.energy.parameters} | {"thickness": None}
         for name, value in {**parameters, "thickness": layer.thickness}.items():
             if is_inferred(value):
@@ -104,9 +104,10 @@ def complete_layers(
             else:
                 _check_number(f"{name}_{number}", value, sizes[name])
         filled.append(Layer(layer.energy, layer.thickness, **parameters))
-    named = {}
-    for prior, [(name, number), *others] in places.items():
-        named[name if others else f"{name}_{number}"] = prior
+    named = {
+        name if others else f"{name}_{number}": prior
+        for prior, [(name, number), *others] in places.items()
+    }
     if len(named) < len(places):
         raise ValueError(
             f"two distributions would have the same name; the names are {sorted(named)}. If layers "
@@ -116,9 +117,7 @@ def complete_layers(
 
 
 def with_variables(
-    layers: Sequence[Layer],
-    distributions: Mapping[str, TensorVariable],
-    variables: Mapping[str, TensorVariable],
+    layers: Sequence[Layer], distributions: Mapping[str, Tensor], variables: Mapping[str, Tensor]
 ) -> list[Layer]:
     """Return the layers with `variables` by name, or numbers, instead of their distributions."""
     registered = {prior: variables[name] for name, prior in distributions.items()}
@@ -233,7 +232,7 @@ _STORABLE: dict[str, tuple[Any, int]] = {
 _NAMES: dict[type, str] = {member.rv_type: member.__name__ for member, _ in _STORABLE.values()}
 
 
-def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
+def prior_to_record(name: str, prior: Tensor) -> list[Any]:
     """Return a distribution as ``[name, parameters]``, or ``[name, parameters, size]`` of a vector.
 
     ValueError if the distribution is not univariate, or its parameters are not numbers.
@@ -249,7 +248,7 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     )
 
 
-def prior_from_record(record: Any, name: str = "") -> TensorVariable:
+def prior_from_record(record: Any, name: str = "") -> Tensor:
     """Return the distribution of a record of :func:`prior_to_record`; `name` is for messages.
 
     ValueError if it is no such record, which can only name distributions of PyMC.
@@ -257,12 +256,14 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
     try:
         distribution, parameters, *size = record
         member, count = _STORABLE[distribution]
+        entries = [p if isinstance(p, list) else [p] for p in parameters]
         valid = (
             isinstance(parameters, list)
             and len(parameters) == count
             and len(size) <= 1
             and all(type(n) is int and n >= 1 for n in size)
-            and all(_is_parameter(p, size) for p in parameters)
+            and all(len(p) in (1, *size) for p in entries)
+            and all(is_number(x) and not isnan(x) for p in entries for x in p)
         )
     except (TypeError, ValueError, KeyError):
         valid = False
@@ -277,20 +278,14 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
     return _rebuild(member.rv_op, variables, size or None)
 
 
-def _is_parameter(value: Any, size: Sequence[int]) -> bool:
-    """Return True for a number, and for a list of one number or of `size` numbers."""
-    entries = value if isinstance(value, list) else [value]
-    return len(entries) in (1, *size) and all(is_number(x) and not isnan(x) for x in entries)
-
-
-def priors_from_records(records: Any) -> dict[str, TensorVariable]:
+def priors_from_records(records: Any) -> dict[str, Tensor]:
     """Return the distributions of a dict of records, see :func:`prior_from_record`."""
     if not isinstance(records, dict):
         raise ValueError(f"priors are {shown(records)}; expected a JSON object of records by name")
     return {name: prior_from_record(record, name) for name, record in records.items()}
 
 
-def positive_draws(name: str, prior: TensorVariable) -> NDArray[np.float64]:
+def positive_draws(name: str, prior: Tensor) -> NDArray[np.float64]:
     """Return draws from the prior of a quantity; ValueError unless all are positive."""
     draws = pm.draw(prior, draws=PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
     if not draws.min() > 0:  # also if draws are NaN
@@ -306,12 +301,12 @@ def is_inferred(value: Any) -> bool:
     return isinstance(value, Variable)
 
 
-def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVariable]:
+def register_priors(priors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Register priors as random variables of the model in context, see :func:`register_prior`."""
     return {name: register_prior(name, prior) for name, prior in priors.items()}
 
 
-def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
+def register_prior(name: str, prior: Tensor) -> Tensor:
     """Register a copy of `prior` as a random variable of the model in context.
 
     A variable that already belongs to the model is returned unchanged.
@@ -321,8 +316,8 @@ def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
         return prior
     node = prior.owner
     if _takes_scalars(node.op):
-        size = prior.type.shape or None
-        copy = _rebuild(node.op, _in_double(node.op.dist_params(node)), size)
+        parameters = _in_double(node.op.dist_params(node))
+        copy = _rebuild(node.op, parameters, prior.type.shape or None)
     else:
         inputs = [_generator() if isinstance(x.type, RandomType) else x for x in node.inputs]
         copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
@@ -333,16 +328,15 @@ def _in_double(variables: Sequence[Variable]) -> list[Variable]:
     """Copy variables with all constants in double precision; PyTensor stores 3 or 0.5 in less."""
 
     def is_short(v: Any) -> bool:
-        of_type = getattr(v.type, "dtype", "")
-        short = of_type in ("float16", "float32")
-        return short or (of_type in ("int8", "int16") and v.type.ndim == 0)
+        dtype = getattr(v.type, "dtype", "")
+        return dtype in ("float16", "float32") or (dtype in ("int8", "int16") and v.type.ndim == 0)
 
     numbers = [v for v in ancestors(variables) if isinstance(v, Constant) and is_short(v)]
     double = {v: pt.constant(v.data, dtype="float64") for v in numbers}
     return clone_replace(list(variables), double, rebuild_strict=False)
 
 
-def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> TensorVariable:
+def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> Tensor:
     """Make a distribution of the type `op` with a new random generator."""
     if isinstance(op, RandomVariable):
         return op(*parameters, size=size, rng=_generator(), return_next_rng=True)[1]

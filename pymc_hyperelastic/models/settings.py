@@ -44,8 +44,6 @@ _FORMAT = 2
 OLDER_VERSION = "pymc_hyperelastic 0.1"
 # Attributes of results that were written before there was a record.
 _OLDER_ATTRS = {"strain_energy_fingerprint", "variability_settings", "layers", "priors"}
-# Records that stay decoded: those of the classes of some studies.
-_DECODED = 64
 
 
 class NamedLayer(NamedTuple):
@@ -71,14 +69,13 @@ class LayerSettings:
     def named(self) -> NamedLayer:
         """Return the layer with its strain energy; ValueError if its stresses are others now."""
         energy = StrainEnergy.from_name(self.strain_energy, **self.settings)
-        now = energy.fingerprint
-        same = len(now) == len(self.fingerprint)
+        then, now = self.fingerprint, energy.fingerprint
         # Fingerprints have six digits.
-        if not (same and np.allclose(self.fingerprint, now, atol=0, equal_nan=True)):
+        if len(then) != len(now) or not np.allclose(then, now, atol=0, equal_nan=True):
             raise ValueError(
                 f"it was computed with a strain energy {energy.name!r} of another formula than the "
                 f"{energy.name!r} that is defined now ({type(energy).__module__}): at the same "
-                f"stretches its stresses are {shown(self.fingerprint)} kPa, not {shown([*now])} "
+                f"stretches its stresses are {shown(then)} kPa, not {shown([*now])} "
                 "kPa. Define the class as it was, or compute the result again"
             )
         needed = {*energy.parameter_names, *({"thickness"} & self.values.keys())}
@@ -86,12 +83,12 @@ class LayerSettings:
             raise ValueError(
                 f"a layer of {energy.name} has the values {shown(self.values)}; expected {needed}"
             )
-        sizes = {p.name: p.size for p in energy.parameters}
+        sizes = {p.name: p.size for p in energy.parameters} | {"thickness": None}
         for name, value in self.values.items():
             size = len(value) if isinstance(value, list) else None
-            if not isinstance(value, str) and size != sizes.get(name):
+            if not isinstance(value, str) and size != sizes[name]:
                 raise ValueError(
-                    f"{name} of a layer has the values {shown(value)}; expected {sizes.get(name)} "
+                    f"{name} of a layer has the values {shown(value)}; expected {sizes[name]} "
                     "numbers in a list, or without a size one number"
                 )
         return NamedLayer(energy, self.values)
@@ -145,20 +142,15 @@ class ModelSettings:
         if not self.layers:
             raise ValueError("it holds no layers")
         values = [layer.values for layer in self.layers]
-        if self.layered:
-            sound = all("thickness" in of_layer for of_layer in values)
-        else:
-            sound = len(values) == 1 and all(name == value for name, value in values[0].items())
-        if not sound:
+        unlayered = len(values) == 1 and all(name == value for name, value in values[0].items())
+        if not (all("thickness" in v for v in values) if self.layered else unlayered):
             raise ValueError(
                 f"its layers have the values {shown(values)}; expected a thickness in each, or one "
                 "material with the names of its parameters"
             )
         if self.reference_stress is not None and not 0 < self.reference_stress < np.inf:
-            raise ValueError(
-                f"its reference_stress is {self.reference_stress}; expected a number of kPa, or "
-                "null"
-            )
+            stress = self.reference_stress
+            raise ValueError(f"its reference_stress is {stress}; expected a number of kPa, or null")
 
     @property
     def layered(self) -> bool:
@@ -242,7 +234,7 @@ def named_layers(wall: StrainEnergy | Sequence[Layer]) -> list[NamedLayer]:
     return named
 
 
-@lru_cache(maxsize=_DECODED)
+@lru_cache(maxsize=64)  # the classes of some studies
 def _decoded(text: str) -> ModelSettings:
     """Return the record that a text holds; ValueError if it is unsound."""
     place = f"its {SETTINGS}"

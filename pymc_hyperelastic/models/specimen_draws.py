@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.polynomial.hermite import hermgauss
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
-
-Array = NDArray[np.float64]
+from pymc_hyperelastic.models.class_distribution import Array, ClassDistribution
 
 # Number of distributions computed at once: larger temporary arrays take up to twice the time.
 _BLOCK = 100
@@ -65,11 +62,9 @@ class SpecimenDraws:
 
     def as_dataset(self) -> xr.Dataset:
         """Return all attributes as a Dataset, to store them in a file."""
+        values = vars(self).items()
         return xr.Dataset(
-            {
-                name: ([f"{name}_{axis}" for axis in range(np.ndim(value))], value)
-                for name, value in vars(self).items()
-            }
+            {n: ([f"{n}_{axis}" for axis in range(np.ndim(v))], v) for n, v in values}
         )
 
     @classmethod
@@ -93,11 +88,8 @@ class SpecimenDraws:
 
 def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     """Arrays of several specimens for :func:`log_density`, with the axes (..., specimen, draw)."""
-    arrays = {
-        name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
-        for name in ("centre", "scatter", "log_size")
-    }
-    arrays["log_weight"] = np.stack([draws.log_weight for draws in specimens])
+    names = "centre", "scatter", "log_size", "log_weight"
+    arrays = {n: np.stack([getattr(draws, n) for draws in specimens], axis=-2) for n in names}
     covariates = np.stack([draws.covariates for draws in specimens], axis=-1)[..., None]
     arrays["monomials"] = _monomials(arrays["centre"], covariates)
     return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}

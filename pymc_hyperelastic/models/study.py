@@ -21,6 +21,7 @@ from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import MeasuredValue, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.priors import FEW_DRAWS
 from pymc_hyperelastic.models.settings import ModelSettings
 
 Array = NDArray[np.float64]
@@ -30,9 +31,6 @@ registered_checks.append(CHECKS_OF_CURVES)
 # Draws of a posterior whose residuals are looked at: the best of these is within about a unit of
 # the largest log likelihood.
 _SOME = 200
-# Draws of a posterior whose curves are compared with exact ones: four of five samples of this size
-# hold a draw of any twentieth of the posterior.
-_COMPARED = 32
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,21 @@ class Study:
         }
 
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data, with the present values of the observed variables."""
-        groups = self._measured(model)
+        """The inflation data, with the present values of the observed variables.
+
+        PyMC's functions may replace the observed data: constant data hold all of the study.
+        """
+        groups = self.groups()
+        if self.likelihood is None or self.likelihood.observed:
+            data, observed = self.data.copy(), {}
+            for name in map(str, self.data.data_vars):
+                if f"{name}_data" in model.named_vars:
+                    values = model[f"{name}_data"].get_value()
+                    observed[f"measured_{name}"] = model.named_vars_to_dims[f"{name}_data"], values
+                    column = data[name].values.astype(float)
+                    column[np.isfinite(column)] = values
+                    data[name] = data[name].copy(data=column)
+            groups = {"observed_data": xr.Dataset(observed), "constant_data": data}
         # Add unknowns that have been observed or set since (pm.observe, pm.do).
         for group, held in data_groups(model).items():
             fixed = [name for name in held.data_vars if name in self._fixed(model)]
@@ -88,7 +99,7 @@ class Study:
             return np.nan
         # Parameters of a population are by specimen as well.
         axes = 3 if self.likelihood is None else 2
-        draws = {k: _some(v.reshape(-1, *v.shape[axes:]), _COMPARED) for k, v in posterior.items()}
+        draws = {k: _some(v.reshape(-1, *v.shape[axes:]), FEW_DRAWS) for k, v in posterior.items()}
         known = ({name: draws[name] for name in names} for names in (parameters, geometry))
         return float(self.forward.errors(self.data, *known).max())
 
@@ -129,7 +140,7 @@ class Study:
         function = BatchedFunction.of_model(model, terms)
 
         def chi_squares(data: xr.Dataset, particles: Array) -> xr.Dataset:
-            values = map(np.asarray, function(_some(particles)))
+            values = map(np.asarray, function(_some(particles, _SOME)))
             return self.chi_squares(data, dict(zip(residuals, values, strict=True)))
 
         return chi_squares
@@ -151,12 +162,10 @@ class Study:
                 squares[signal] -= (of_draws @ own.T) ** 2 / points[signal].clip(1)
                 points[signal] = (points[signal] - 1).clip(0)
         best = int(np.argmin(sum(value.sum(axis=1) for value in squares.values())))
-        labels = {"test": coords_of(data)["test"], "signal": [*squares]}
-        tables = {"chi_square": {k: v[best] for k, v in squares.items()}, "points": points}
-        return xr.Dataset(
-            {k: (("test", "signal"), np.stack([*v.values()], axis=1)) for k, v in tables.items()},
-            labels,
-        )
+        labels = {"signal": [*squares], "test": coords_of(data)["test"]}
+        found = {"chi_square": [v[best] for v in squares.values()], "points": [*points.values()]}
+        tables = xr.Dataset({name: ([*labels], values) for name, values in found.items()}, labels)
+        return tables.transpose("test", "signal")
 
     def _fixed(self, model: pm.Model) -> set[str]:
         """Unknowns of the study that are no free variables of a model that was made of its own."""
@@ -164,23 +173,6 @@ class Study:
         for name, value in self.geometry.items():
             unknowns.add(deviation_name(name) if isinstance(value, MeasuredValue) else name)
         return unknowns - {rv.name for rv in model.free_RVs}
-
-    def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data, updated with the values of the observed variables.
-
-        PyMC's functions may replace the observed data: constant data hold all of the study.
-        """
-        if self.likelihood is not None and not self.likelihood.observed:
-            return self.groups()
-        data, observed = self.data.copy(), {}
-        for name in map(str, self.data.data_vars):
-            if f"{name}_data" in model.named_vars:
-                values = model[f"{name}_data"].get_value()
-                observed[f"measured_{name}"] = model.named_vars_to_dims[f"{name}_data"], values
-                column = data[name].values.astype(float)
-                column[np.isfinite(column)] = values
-                data[name] = data[name].copy(data=column)
-        return {"observed_data": xr.Dataset(observed), "constant_data": data}
 
     def settings(self) -> ModelSettings:
         """Return all that is needed to build the model again; ValueError if it is no class."""
@@ -223,7 +215,7 @@ def coords_of(data: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _some(draws: Array, count: int = _SOME) -> Array:
+def _some(draws: Array, count: int) -> Array:
     return draws[:: -(-len(draws) // count)]
 
 

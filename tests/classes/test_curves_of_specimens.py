@@ -11,7 +11,8 @@ from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, PointwiseQuadrature
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.models.forward.integrator import PointwiseQuadrature
 from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 
@@ -93,8 +94,8 @@ def test_evidence_has_no_error_if_curves_stay_inaccurate(error, taut, monkeypatc
         return Integral(Estimate(0.0, 0.0), 0.0, "importance", points), target
 
     def wrong(integrator, *given):
-        is_exact = getattr(integrator, "order", None) == REFERENCE_ORDER
-        curves = numeric_curves(*given, REFERENCE_ORDER)
+        is_exact = getattr(integrator, "order", None) == 3 * WALL_ORDER
+        curves = numeric_curves(*given, 3 * WALL_ORDER)
         return {name: curve * (1 if is_exact else 1 + error) for name, curve in curves.items()}
 
     for kind in (TabulatedQuadrature, PointwiseQuadrature):

@@ -20,9 +20,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.parallel import one_thread
 
-# Pairs of hoop and axial stretch at which the stresses of a fingerprint are computed: two in
-# tension, one in hoop compression, all small enough that no law overflows.
-_FINGERPRINT_STRETCHES = ((1.1, 1.05), (1.2, 1.1), (0.95, 1.02))
+__all__ = ["Parameter", "StrainEnergy", "list_strain_energies"]
 
 
 @dataclass(frozen=True)
@@ -215,14 +213,11 @@ class StrainEnergy(ABC):
                 f"{self.name} has the parameters {list(self.parameter_names)}, but "
                 f"{sorted(parameters)} were given"
             )
-        entries = []
+        entries: list[Any] = []
         for p in self.parameters:
             value = parameters[p.name]
-            if p.size is None:
-                entries.append(value)
-                continue
-            if isinstance(value, tuple) and len(value) == p.size:  # the form that `join` returns
-                entries += value
+            if p.size is None or (isinstance(value, tuple) and len(value) == p.size):
+                entries += [value] if p.size is None else value  # `join` returns tuples
                 continue
             value = value if isinstance(value, Variable) else np.asarray(value, float)
             shape = value.type.shape if isinstance(value, Variable) else value.shape
@@ -331,15 +326,14 @@ def _is_built_in(law: type[StrainEnergy]) -> bool:
 @lru_cache
 @one_thread
 def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
-    hoop, axial = np.log(_FINGERPRINT_STRETCHES).T
+    # Two hoop stretches in tension and one in compression: none so large that a law overflows.
+    log_hoop, log_axial = map(pt.constant, np.log([[1.1, 1.2, 0.95], [1.05, 1.1, 1.02]]))
     ranges = [p.prior_range for p in law.parameters for _ in range(p.size or 1)]
     low, high = np.reshape(ranges, (-1, 2)).T
     # Between 0.3 and 0.5 of the range, different for each entry, so that exchanging two parameters
     # changes the stresses.
     fractions = 0.3 + 0.4 / (2 + np.arange(len(low)))
-    entries = [pt.constant(value) for value in low + fractions * (high - low)]
-    log_hoop, log_axial = pt.constant(hoop), pt.constant(axial)
-    parameters = law.join(entries)
+    parameters = law.join([pt.constant(x) for x in low + fractions * (high - low)])
     stresses = [
         law.stress_difference(log_hoop, log_axial, **parameters),
         law.axial_stress_difference(log_hoop, log_axial, **parameters),

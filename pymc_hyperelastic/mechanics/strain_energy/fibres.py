@@ -71,8 +71,7 @@ class _Family(NamedTuple):
     def strain(self, log_hoop: Any, log_axial: Any) -> Tensor:
         """Fibre strain ``E``, negative in slack fibres; accurate near 0."""
         cosine, sine = self.squares
-        aligned = cosine * pt.expm1(2 * log_hoop)
-        aligned += sine * pt.expm1(2 * log_axial)
+        aligned = cosine * pt.expm1(2 * log_hoop) + sine * pt.expm1(2 * log_axial)
         if self.dispersion is None:
             return aligned
         dispersed = first_invariant_excess(log_hoop, log_axial)
@@ -283,8 +282,7 @@ class FourFiber(_FibreReinforced):
 
     equation = (
         "W = (c/2) (I₁ − 3) + Σ (k₁ⁱ/(2 k₂ⁱ)) (e^(k₂ⁱ E_i²) − 1), "
-        "E_i = max(λ_θ² cos² β_i + λ_z² sin² β_i − 1, 0), "
-        "i = 1 to 4"
+        "E_i = max(λ_θ² cos² β_i + λ_z² sin² β_i − 1, 0), i = 1 to 4"
     )
 
     def __init__(self, hoop_fibres: bool = True) -> None:
@@ -303,12 +301,9 @@ class FourFiber(_FibreReinforced):
 
     def families(self, *, beta: Any, **moduli: Any) -> Sequence[_Family]:
         """Axial fibres, hoop fibres if the law has them, and two diagonal families at ``±β``."""
-
-        def family(number: int, kind: str, angle: Any, **settings: bool) -> _Family:
-            return _Family(number, moduli[f"k1_{kind}"], moduli[f"k2_{kind}"], angle, **settings)
-
-        return [
-            family(1, "axial", 90.0, has_kink=False),
-            *([family(1, "hoop", 0.0)] if self.hoop_fibres else []),
-            family(2, "diagonal", beta),
-        ]
+        families = []
+        for kind, number, angle in (("axial", 1, 90.0), ("hoop", 1, 0.0), ("diagonal", 2, beta)):
+            if f"k1_{kind}" in moduli:
+                own = moduli[f"k1_{kind}"], moduli[f"k2_{kind}"]
+                families.append(_Family(number, *own, angle, has_kink=kind != "axial"))
+        return families

@@ -26,9 +26,6 @@ __all__ = [
     "Yeoh",
 ]
 
-# Coefficients C_i of the eight-chain energy (Arruda and Boyce 1993).
-_EIGHT_CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-
 _RANGE = "; the range covers soft tissue, from loose veins to stiff aortas"
 
 
@@ -264,8 +261,7 @@ class ArrudaBoyce(_FirstInvariant):
     """
 
     equation = (
-        "W = μ Σ C_i/λ_m^(2i−2) (I₁^i − 3^i), "
-        "i = 1 to 5, "
+        "W = μ Σ C_i/λ_m^(2i−2) (I₁^i − 3^i), i = 1 to 5, "
         "C = 1/2, 1/20, 11/1050, 19/7000, 519/673750"
     )
     parameters = (
@@ -277,7 +273,8 @@ class ArrudaBoyce(_FirstInvariant):
 
     def of_excess(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
         """``μ Σ C_i/λm^{2i−2} (I₁^i − 3^i)``."""
-        first, terms = excess + 3, enumerate(_EIGHT_CHAIN, start=1)
+        coefficients = 1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750
+        first, terms = excess + 3, enumerate(coefficients, start=1)
         return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
 
 

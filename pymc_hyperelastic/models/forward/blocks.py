@@ -7,7 +7,7 @@ import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 Array = NDArray[np.float64]
 
@@ -25,9 +25,7 @@ def block_arrays(data: xr.Dataset, rows: Array) -> dict[str, Array]:
     return {"blocks": blocks, "points": table["points"].ravel(), "place": table["place"]}
 
 
-def block_product(
-    blocks: TensorVariable, inputs: Mapping[str, Any], vector: TensorVariable
-) -> TensorVariable:
+def block_product(blocks: Tensor, inputs: Mapping[str, Any], vector: Tensor) -> Tensor:
     """Product of the blocks with a vector over ``obs``; `inputs` hold the places of its points."""
     columns = vector[inputs["points"]].reshape((blocks.shape[0], blocks.shape[1], 1))
     return (blocks @ columns).flatten()[inputs["place"]]
@@ -46,7 +44,7 @@ def table_arrays(test: NDArray, tests: int) -> dict[str, NDArray]:
     return {"points": points, "there": there, "place": place}
 
 
-def table_of(vector: TensorVariable, inputs: Mapping[str, Any]) -> TensorVariable:
+def table_of(vector: Tensor, inputs: Mapping[str, Any]) -> Tensor:
     """Return a vector over points as a table by test, padded with 0."""
     return pt.where(inputs["there"], vector[inputs["points"]], 0.0)
 

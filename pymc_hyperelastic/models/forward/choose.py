@@ -1,10 +1,7 @@
 """The choice of an integrator: the cheapest one that is accurate over the range of the prior."""
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
-from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -29,6 +26,7 @@ from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
 from pymc_hyperelastic.models.moduli import has_additive_stress
+from pymc_hyperelastic.models.priors import FEW_DRAWS
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
@@ -37,8 +35,6 @@ _DRAWS = 1000
 # Materials whose pressures exceed the largest measured one by this factor do not count, because
 # their likelihood is nil.
 _BEYOND = 10.0
-# Fewest possible materials of the prior by which its range is known.
-_FEWEST = 32
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
 _MANY_POINTS = 50
 # Tolerance of snapshots, and of orders of quadrature, in tolerances of the curves: those of other
@@ -49,30 +45,24 @@ _FINER = 1e-2
 def choose_integrator(
     wall: WallVariables,
     data: xr.Dataset,
+    quadrature: PointwiseQuadrature,
     *,
     mode: Mode,
     known_radii: bool,
-    geometry_sd: Mapping[str, float | None] = MappingProxyType({}),
-    with_force: bool = False,
-    by_test: bool = False,
-    tolerance: float = 1e-9,
-    inaccurate: float = 1 / 200,
+    tolerance: float,
+    inaccurate: float,
 ) -> Integrator:
     """Return the cheapest integrator that is accurate over the range of the wall's distributions.
 
     These are Chebyshev nodes if the stretch of each test is held and the response is smooth; nodes
-    that are selected in the walls, for many points; else quadrature of 32 nodes, or as few as are
-    accurate. Curves may err by the `tolerance`; by selected nodes those of a fraction of the
-    materials, `inaccurate`, by more. `geometry_sd` are the errors of a measured geometry.
+    that are selected in the walls, for many points; else the `quadrature`, or one of fewer nodes.
+    Curves may err by the `tolerance`; by selected nodes those of a fraction of the materials,
+    `inaccurate`, by more.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
-    sd = tuple(geometry_sd.items())
-    quadrature = partial(
-        PointwiseQuadrature, with_force=with_force, by_test=by_test, geometry_sd=sd
-    )
     if mode == "quadrature":
-        return quadrature(WALL_ORDER)
+        return quadrature
     try:
         walls = _walls_of_prior(wall, data)
     except (MissingInputError, NotImplementedError) as error:
@@ -80,34 +70,35 @@ def choose_integrator(
         if mode == "collocation":
             raise ValueError(f"{unknown}: use mode='quadrature'") from error
         warnings.warn(
-            f"{unknown}, so that its range is not known: walls are integrated with {WALL_ORDER} "
-            "nodes. mode='quadrature' asks for this without a warning",
+            f"{unknown}, so that its range is not known: walls are integrated with "
+            f"{quadrature.order} nodes. mode='quadrature' asks for this without a warning",
             skip_file_prefixes=(PACKAGE,),
         )
-        return quadrature(WALL_ORDER)
-    possible = possible_in_tests(walls, data, geometry_sd=sd)
+        return quadrature
+    possible = possible_in_tests(walls, data, geometry_sd=quadrature.geometry_sd)
     in_all = np.flatnonzero(possible.all(axis=0))
-    fewest = _FEWEST if wall.unknown else 1
+    fewest = FEW_DRAWS if wall.unknown else 1
     reason = "layers, a geometry that is inferred or has an error, and an error in the radius"
     if wall.known_tube and known_radii:
         found, reason = None, f"the response of {wall.energy.name} over the range of its parameters"
-        tabulated = TabulatedQuadrature(ChebyshevNodes(2), with_force, by_test, tolerance)
+        tabulated = TabulatedQuadrature(ChebyshevNodes(2), tolerance, **quadrature.settings)
         in_any = np.flatnonzero(possible.any(axis=0))
         if len(in_any) >= fewest and not extension_tests(data).any():
             found = _chebyshev(tabulated, walls, data, walls.some(in_any))
         draws, many = in_all[in_all < _DRAWS], data.sizes["obs"] >= _MANY_POINTS
-        if found is None and len(draws) >= _FEWEST and (many or mode == "collocation"):
+        if found is None and len(draws) >= FEW_DRAWS and (many or mode == "collocation"):
             found = _select_nodes(tabulated, walls.some(draws), data, inaccurate)
         if found is not None:
             return found
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
     if len(in_all) < fewest:
-        return quadrature(WALL_ORDER)
-    order, some = WALL_ORDER, walls.some(in_all[evenly(len(in_all), _FEWEST)])
-    while quadrature(order // 2).errors(data, some).max() <= _FINER * tolerance:
-        order //= 2
-    return quadrature(order)
+        return quadrature
+    some = walls.some(in_all[evenly(len(in_all), FEW_DRAWS)])
+    limit = _FINER * tolerance
+    while (fewer := quadrature.quadrature(quadrature.order // 2)).errors(data, some).max() <= limit:
+        quadrature = fewer
+    return quadrature
 
 
 def _walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
@@ -170,10 +161,9 @@ def _select_nodes(
     """
     energy, tolerance = draws.energy, tabulated.tolerance
     split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
-    one_by_one, force = has_additive_stress(energy), tabulated.with_force
-    basis = SelectedNodes(energy, one_by_one, _FINER * tolerance, split, force)
+    settings = has_additive_stress(energy), _FINER * tolerance, split, tabulated.with_force
+    found = replace(tabulated, basis=SelectedNodes(energy, *settings))
     first, others = np.array_split(np.arange(len(draws.materials[0])), 2)
-    found = replace(tabulated, basis=basis)
     learned = draws.some(first)
     for chosen in np.array_split(others, MOST_ROUNDS):
         found = found.with_materials(data, learned)

@@ -14,19 +14,15 @@ from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import (
-    at_points,
-    evenly_along,
-    extension_tests,
-    points_of,
-)
+from pymc_hyperelastic.data.inflation import at_points, evenly_along, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import OVERFLOW
+from pymc_hyperelastic.mechanics.wall import OVERFLOW, WALL_ORDER
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
 from pymc_hyperelastic.models.forward.integrator import (
     MOST_ROUNDS,
     Integrator,
+    PointwiseQuadrature,
     conditions_of,
     slopes_of,
 )
@@ -104,24 +100,26 @@ class ForwardModel:
         self._energy, self._distributions = wall, dict(parameters)
         measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
+        sd = tuple((name, value.sd) for name, value in measured.items())
         self.integrator: Integrator = choose_integrator(
             self._wall(parameters, self._geometry, deviations),
             data,
+            PointwiseQuadrature(WALL_ORDER, with_force=with_force, by_test=by_test, geometry_sd=sd),
             mode=mode,
             known_radii=error_in == "pressure",
-            geometry_sd={name: value.sd for name, value in measured.items()},
-            with_force=with_force,
-            by_test=by_test,
             tolerance=tolerance,
             inaccurate=inaccurate,
         )
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
+    def _changed(self, **attributes: Any) -> "ForwardModel":
+        other = copy(self)
+        vars(other).update(attributes, _shared={})
+        return other
+
     def with_data(self, data: xr.Dataset) -> "ForwardModel":
         """The same for other data of the same kind, at other radii say."""
-        other = copy(self)
-        other.data, other._shared = data, {}
-        return other
+        return self._changed(data=data)
 
     def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
         """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
@@ -140,10 +138,8 @@ class ForwardModel:
         self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
     ) -> "ForwardModel":
         """Return the same with curves that are accurate for these materials, too."""
-        other = copy(self)
         wall = self._wall(parameters, geometry)
-        other.integrator, other._shared = self.integrator.refined(data, wall), {}
-        return other
+        return self._changed(integrator=self.integrator.refined(data, wall))
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
@@ -292,12 +288,10 @@ class SymbolicTube(NamedTuple):
         return Misfits(squares, conditions, force_sums)
 
     def _curves(self) -> Curves:
-        """All that the integrator computes at the points."""
         return self.forward.integrator.curves(self._curve_inputs, self.wall)
 
     @property
     def _curve_inputs(self) -> dict[str, Any]:
-        """Shared variables of the curves."""
         return self.forward.share("curves", self.forward.integrator.curve_arrays)
 
 
@@ -306,17 +300,16 @@ def _shared_variable(value: NDArray, name: str) -> Variable:
 
 
 def _between(data: xr.Dataset) -> xr.Dataset:
-    names = [name for name in ("radius", "outer_diameter") if name in data]
-    measured = {name: data[name].values.astype(float) for name in names}
-    measured["axial_stretch"] = at_points(data, "axial_stretch")
-    extended = extension_tests(data)
-    between: dict[str, list[NDArray]] = {name: [] for name in measured}
-    for test in range(data.sizes["test"]):
-        own = {name: values[points_of(data, test)] for name, values in measured.items()}
-        for name, values in own.items():
-            along = own["axial_stretch"] if extended[test] else values
-            between[name].append(evenly_along(along, values, _RADII_BETWEEN))
-    points = {name: ("obs", np.concatenate(values)) for name, values in between.items()}
+    names = [n for n in ("radius", "outer_diameter", "axial_stretch") if n in data]
+    measured, extended = {name: at_points(data, name) for name in names}, extension_tests(data)
+    points: dict[str, Any] = {}
+    for name, values in measured.items():
+        between = []
+        for test in range(data.sizes["test"]):
+            own = points_of(data, test)
+            along = measured["axial_stretch"] if extended[test] else values
+            between.append(evenly_along(along[own], values[own], _RADII_BETWEEN))
+        points[name] = "obs", np.concatenate(between)
     of_points = np.repeat(np.arange(data.sizes["test"]), _RADII_BETWEEN)
     of_tests = {k: v for k, v in data.data_vars.items() if v.dims == ("test",) and k not in points}
     return xr.Dataset(points, {"test": ("obs", of_points)}).assign(of_tests)

@@ -20,11 +20,7 @@ from pymc_hyperelastic.mechanics.layers import ReferenceLayer, Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, measure_of, opening_factor, stretches
 from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
-from pymc_hyperelastic.models.forward.tube_variables import (
-    WallVariables,
-    current_tube,
-    tube_inputs,
-)
+from pymc_hyperelastic.models.forward.tube_variables import WallVariables, current_tube, tube_inputs
 
 Array = NDArray[np.float64]
 
@@ -123,7 +119,7 @@ class TubeNumbers(Tube):
         current = self.current(reference, radius)
         # The wall beyond a circle is a tube; its pressure is the radial stress at the circle.
         beyond = []
-        hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
+        hoop, axial = np.full((2, *current.shape), np.nan)
         for layer in self.layers:
             last = layer is self.layers[-1]
             beyond.append(layer._replace(outer_radius=np.maximum(reference, layer.outer_radius)))

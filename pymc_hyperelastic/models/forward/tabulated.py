@@ -42,27 +42,16 @@ class TabulatedQuadrature(Integrator):
     """Constant matrices times the responses of the material at the nodes of a basis.
 
     The geometry must be known; data that replace others must be of the same kind.
-
-    Attributes
-    ----------
-    basis : ChebyshevNodes or SelectedNodes
-        The nodes: Chebyshev points in ``ln λθ`` for each axial stretch, or quadrature nodes that
-        are selected in the walls of each specimen.
-    with_force : bool
-        Whether the axial force is a curve, too.
-    by_test : bool
-        Whether each test has parameters of its own.
-    tolerance : float
-        Largest error of the curves, relative to their largest value, of materials for which the
-        basis is refined.
     """
 
     by_points: ClassVar[bool] = False
 
     basis: ChebyshevNodes | SelectedNodes
-    with_force: bool = False
-    by_test: bool = False
-    tolerance: float = 1e-9
+    """Chebyshev points in ``ln λθ`` for each axial stretch, or quadrature nodes that are selected
+    in the walls of each specimen."""
+    tolerance: float
+    """Largest error of the curves, relative to their largest value, of materials for which the
+    basis is refined."""
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Return the arrays of the data for :meth:`curves`."""
@@ -76,8 +65,8 @@ class TabulatedQuadrature(Integrator):
         """Return pressure and stiffness at the points, and others, see :class:`Integrator`."""
         curves = self._integrals(inputs, ("pressure", "stiffness"), wall)
         if self.with_force:
-            force, slope = self._integrals(inputs, ("force", "force_slope"), wall).values()
-            curves |= {"axial_force": force, "force_slope": slope}
+            curves |= self._integrals(inputs, ("force", "force_slope"), wall)
+            curves["axial_force"] = curves.pop("force")
         of_points = {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
         return of_points | {"growth": inputs["growth"]}
 

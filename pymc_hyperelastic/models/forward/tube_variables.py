@@ -1,6 +1,6 @@
 """The tube of a model at each measured point: its wall, geometry and current radius."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
@@ -23,13 +23,12 @@ Points = NDArray[np.intp]
 # Variables of a model or numbers, and expressions of these, by name.
 Values = Mapping[str, Any]
 Curves = dict[str, TensorVariable]
+# Standard deviations of the measured geometry by name; None are those of the data.
+GeometrySd = tuple[tuple[str, float | None], ...]
 
 
-def tube_inputs(data: xr.Dataset, errors: Sequence[tuple[str, float | None]]) -> Arrays:
-    """Return the measured geometry of the tube and its measured current radius at each point.
-
-    With them come the standard deviations of the geometry: a number, or None for that of the data.
-    """
+def tube_inputs(data: xr.Dataset, errors: GeometrySd) -> Arrays:
+    """Return the measured geometry, its errors, and the measured current radius at each point."""
     inputs = {name: at_points(data, name) for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
     inputs[name] = measured_radius(data).values.astype(float)
@@ -158,10 +157,3 @@ def current_tube(xp: ModuleType, inputs: Mapping[str, Any], wall: WallVariables)
     excess = xp.where(square > 0, area, 0.0)
     radius = xp.sqrt(inputs["current_outer_radius"] ** 2 - excess)
     return CurrentTube(unloaded, radius, possible & (square > 0), excess)
-
-
-def wall_at_points(wall: WallVariables, test: Any) -> WallVariables:
-    """Return a wall with parameters by point, from one with parameters by test."""
-    geometry = wall.geometry
-    by_points = wall.mapped(lambda value: value[test] if is_inferred(value) else value)
-    return by_points._replace(geometry=geometry)

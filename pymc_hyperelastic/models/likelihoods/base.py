@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
+from itertools import compress
 from math import sqrt
 from typing import Any, ClassVar, Self
 
@@ -111,12 +112,11 @@ class Likelihood:
     def signals(self) -> tuple[str, ...]:
         """Measured quantities in the likelihood; slopes are those of the pressures."""
         used = {"pressure": True, "slope": self.errors().counts_slopes, "force": self.with_force}
-        return tuple(name for name, is_used in used.items() if is_used)
+        return tuple(compress(used, used.values()))
 
     def measured(self, data: xr.Dataset) -> list[str]:
         """Return the signals that these data have."""
-        without_force = self.with_force and not data["axial_force"].notnull().any()
-        return [name for name in self.signals if not (name == "force" and without_force)]
+        return [n for n in self.signals if n != "force" or data["axial_force"].notnull().any()]
 
     def as_observed(self) -> Self:
         """Return the same likelihood, declared as observed variables."""
@@ -194,12 +194,10 @@ class Likelihood:
 
         ValueError if the parameters of a distribution are not numbers.
         """
-        sizes = {
-            name: prior_to_record(name, value) if is_inferred(value) else float(value)
-            for name, value in self.sizes.items()
-        }
-        own = {"observed": self.observed, "units": self.units}
-        return {"name": type(self).__name__} | sizes | own
+        record: dict[str, Any] = {"name": type(self).__name__}
+        for name, value in self.sizes.items():
+            record[name] = prior_to_record(name, value) if is_inferred(value) else float(value)
+        return record | {"observed": self.observed, "units": self.units}
 
     @staticmethod
     def from_record(record: Any) -> "Likelihood":

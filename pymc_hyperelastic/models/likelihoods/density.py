@@ -15,7 +15,7 @@ import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 from scipy.linalg import solve_banded
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
@@ -43,13 +43,13 @@ from pymc_hyperelastic.models.likelihoods.slopes import (
 )
 
 Array = NDArray[np.float64]
-Terms = tuple[dict[str, Any], TensorVariable]
+Terms = tuple[dict[str, Any], Tensor]
 """Log density of each signal, and whether the material and the tube are possible."""
-Bound = Callable[[TensorVariable], TensorVariable]
+Bound = Callable[[Tensor], Tensor]
 """A function of means that makes those of an impossible tube infinite."""
 
 
-def log_likelihood(tube: SymbolicTube, errors: Errors, signals: Collection[str]) -> TensorVariable:
+def log_likelihood(tube: SymbolicTube, errors: Errors, signals: Collection[str]) -> Tensor:
     """Return the log likelihood of signals of the tube's data; minus infinity if it is impossible.
 
     The `signals` are some of ``"pressure"``, ``"slope"`` and ``"force"``.
@@ -96,7 +96,7 @@ def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dic
     return targets
 
 
-def _slope_normaliser(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> TensorVariable:
+def _slope_normaliser(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> Tensor:
     r"""Return the normaliser of the slope term, ``½ ln det(I + β DᵀD)`` beside the pressures.
 
     Slopes without their pressures count as ``N_s`` independent numbers. Otherwise an inferred ``σ``
@@ -104,11 +104,10 @@ def _slope_normaliser(tube: SymbolicTube, errors: Errors, with_pressure: bool) -
 
     .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
     """
-
-    def arrays_of(data: xr.Dataset) -> dict[str, Array]:
-        return {"eigenvalues": squared_singular_values(data)}
-
-    eigenvalues = tube.forward.share("slope normaliser", arrays_of)["eigenvalues"]
+    arrays = tube.forward.share(
+        "slope normaliser", lambda data: {"eigenvalues": squared_singular_values(data)}
+    )
+    eigenvalues = arrays["eigenvalues"]
     weight = as_double(errors.slope_weight)
     if with_pressure:
         return pt.sum(pt.log1p(weight * eigenvalues)) / 2
@@ -138,8 +137,8 @@ def _terms_by_points(tube: SymbolicTube, errors: Errors, with_pressure: bool) ->
 
 
 def posterior_of_offsets(
-    tube: SymbolicTube, curves: Mapping[str, TensorVariable], errors: Errors
-) -> tuple[TensorVariable, TensorVariable]:
+    tube: SymbolicTube, curves: Mapping[str, Tensor], errors: Errors
+) -> tuple[Tensor, Tensor]:
     """Return mean and standard deviation of each test's offset, given material, tube and errors.
 
     With the error in the radius, forces are those at the model's radii in place of the `curves`.
@@ -160,10 +159,7 @@ def posterior_of_offsets(
 
 
 def register_measurements(
-    tube: SymbolicTube,
-    curves: Mapping[str, TensorVariable],
-    errors: Errors,
-    dims: str | None = "obs",
+    tube: SymbolicTube, curves: Mapping[str, Tensor], errors: Errors, dims: str | None = "obs"
 ) -> None:
     """Add the measured pressures, and forces, as observed variables.
 
@@ -172,7 +168,7 @@ def register_measurements(
     """
     conditions = tube.conditions()
 
-    def bound(mean: TensorVariable) -> TensorVariable:
+    def bound(mean: Tensor) -> Tensor:
         possible = reduce(and_, [pt.all(pt.abs(mean) < LARGEST), *conditions])
         return pt.where(possible, mean, np.inf)
 
@@ -205,8 +201,8 @@ def _data_of(forward: ForwardModel, name: str, dims: str | None) -> dict[str, An
 
 
 def _correlated_normal(
-    tube: SymbolicTube, pressure: TensorVariable, errors: Errors, bound: Bound, **settings: Any
-) -> TensorVariable:
+    tube: SymbolicTube, pressure: Tensor, errors: Errors, bound: Bound, **settings: Any
+) -> Tensor:
     """Add pressures ``y ~ N(μ, s² P⁻¹)`` whose errors are correlated by slopes.
 
     ``P`` and ``μ`` are those of :class:`~pymc_hyperelastic.SlopeAugmented`. With the lower
@@ -230,7 +226,7 @@ def _correlated_normal(
     right = pressure + pt.roll(weighted, 1, axis=-1) - pt.roll(weighted, -1, axis=-1)
     white_mean = bound(block_product(inputs["blocks"].transpose(0, 2, 1), inputs, right))
 
-    def logp(value: Any, mean: TensorVariable, sd: TensorVariable, *_: Any) -> TensorVariable:
+    def logp(value: Any, mean: Tensor, sd: Tensor, *_: Any) -> Tensor:
         # The first two of each test have the factor 0, so that no value of another test counts.
         white = inputs["diagonal"] * value + inputs["before"] * pt.roll(value, 2, axis=-1)
         # Otherwise the gradient by the standard deviation would be infinite where a mean is.
@@ -239,7 +235,7 @@ def _correlated_normal(
         log_density = pt.log(inputs["diagonal"]) + normal_log_density(square, pt.square(sd))
         return pt.where(possible, log_density, -np.inf)
 
-    def unwhitened(white: TensorVariable, blocks: Any, points: Any, place: Any) -> TensorVariable:
+    def unwhitened(white: Tensor, blocks: Any, points: Any, place: Any) -> Tensor:
         return block_product(blocks, {"points": points, "place": place}, white)
 
     return pm.CustomDist(
@@ -256,22 +252,18 @@ def _correlated_normal(
 
 
 def _offset_normal(
-    tube: SymbolicTube, mean: TensorVariable, sd: Any, offset_sd: Any, **settings: Any
+    tube: SymbolicTube, mean: Tensor, sd: Any, offset_sd: Any, **settings: Any
 ) -> None:
     """Add forces about `mean` with independent errors and an offset that each test shares."""
     inputs = force_arrays(tube)
 
-    def logp(
-        value: Any, mean: TensorVariable, sd: TensorVariable, offset_sd: Any, *_: Any
-    ) -> TensorVariable:
+    def logp(value: Any, mean: Tensor, sd: Tensor, offset_sd: Any, *_: Any) -> Tensor:
         possible = pt.isfinite(mean)
         error = pt.where(possible, value - mean, 0.0)
         log_density = log_density_by_points(error, pt.square(sd), offset_sd, inputs)
         return pt.where(possible, log_density, -np.inf)
 
-    def dist(
-        mean: TensorVariable, sd: TensorVariable, offset_sd: Any, test: Any, points: Any, _: Any
-    ) -> TensorVariable:
+    def dist(mean: Tensor, sd: Tensor, offset_sd: Any, test: Any, points: Any, _: Any) -> Tensor:
         of_tests = pt.zeros_like(points[:, 0], dtype="float64")
         offset = pm.Normal.dist(of_tests, offset_sd)
         return pm.Normal.dist(mean + offset[test], sd)

@@ -64,13 +64,11 @@ SD_OF_SIGMA = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
 def check_size(name: str, value: Any) -> None:
     """Raise unless a value is a scalar variable or a positive number; a slope weight may be 0."""
     expected = SIZES[name].expected
-    if isinstance(value, Variable):
-        if value.type.ndim:
-            raise TypeError(
-                f"{name} has {value.type.ndim} dimension(s); expected {expected}, or a scalar "
-                "distribution"
-            )
+    if isinstance(value, Variable) and not value.type.ndim:
         return
+    if isinstance(value, Variable):
+        dimensions = f"{value.type.ndim} dimension(s)"
+        raise TypeError(f"{name} has {dimensions}; expected {expected}, or a scalar distribution")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
     if not isfinite(value) or value < 0 or (name != "slope_weight" and value == 0):

@@ -16,23 +16,21 @@ import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.forward import OVERFLOW, ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.priors import is_inferred
 
-# Largest pressure (kPa), force (mN) or slope of these (per mm) that is used: far beyond any tube,
-# and small enough that its square does not overflow.
-LARGEST = np.float64(1e30)
+# Largest pressure (kPa), force (mN) or slope of these (per mm) whose square does not overflow.
+LARGEST = np.sqrt(OVERFLOW)
 
 
 class Signals(NamedTuple):
     """Expected measurements and standard deviations of their errors."""
 
-    pressure: TensorVariable
-    pressure_sd: TensorVariable
+    pressure: Tensor
+    pressure_sd: Tensor
     force: Any = None
     """At the points where forces were measured."""
     force_sd: Any = None
@@ -40,7 +38,7 @@ class Signals(NamedTuple):
     by_pressure: Any = None
     """Expected error of the force at each point for each kPa of error of the pressure there."""
 
-    def force_given(self, pressure: Any, rows: Any) -> TensorVariable:
+    def force_given(self, pressure: Any, rows: Any) -> Tensor:
         """Return the expected forces, given the measured pressures of all points."""
         if self.by_pressure is None:
             return self.force
@@ -48,10 +46,7 @@ class Signals(NamedTuple):
 
 
 def signals_of(
-    tube: SymbolicTube,
-    curves: Mapping[str, TensorVariable],
-    errors: Errors,
-    with_pressure: bool = True,
+    tube: SymbolicTube, curves: Mapping[str, Tensor], errors: Errors, with_pressure: bool = True
 ) -> Signals:
     """Return the expected measurements for the curves of a tube.
 
@@ -101,7 +96,7 @@ def rows_of_forces(data: xr.Dataset) -> NDArray[np.intp]:
     return np.flatnonzero(np.isfinite(data["axial_force"].values.astype(float)))
 
 
-def force_errors(tube: SymbolicTube, expected: Signals) -> TensorVariable:
+def force_errors(tube: SymbolicTube, expected: Signals) -> Tensor:
     """Return measured minus expected forces, given the measured pressures."""
     pressure, force = (measured(tube.forward, name) for name in ("pressure", "axial_force"))
     return force - expected.force_given(pressure, force_arrays(tube)["rows"])
@@ -119,14 +114,14 @@ def measured(
     return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
 
 
-def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVariable:
+def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> Tensor:
     """Return the log density of normal errors from their squares, or sums of `count` squares."""
     return -(square / variance + count * pt.log(2 * np.pi * variance)) / 2
 
 
 def log_density_by_points(
-    error: TensorVariable, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
-) -> TensorVariable:
+    error: Tensor, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
+) -> Tensor:
     """Return the log density of each force, given those before it in its test, without offset."""
     tables = weights_of_tests(error, variance, inputs)
     precision, weighted = (pt.cumsum(x, axis=-1) - x for x in tables)
@@ -135,16 +130,14 @@ def log_density_by_points(
     return normal_log_density(pt.square(error - mean), variance + left)
 
 
-def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
+def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -> Tensor:
     """Return what an offset adds to the log density of independent errors, from the same sums."""
     mean, variance = offset_moments(precision, weighted, offset_sd)
     shrinkage = variance / pt.square(as_double(offset_sd))
     return (pt.square(mean) / variance + pt.log(shrinkage)) / 2
 
 
-def offset_moments(
-    precision: Any, weighted: Any, offset_sd: Any
-) -> tuple[TensorVariable, TensorVariable]:
+def offset_moments(precision: Any, weighted: Any, offset_sd: Any) -> tuple[Tensor, Tensor]:
     """Return the posterior mean and variance of an offset.
 
     The arguments are the sums of the precisions of the errors, and of errors times precisions.
@@ -155,13 +148,13 @@ def offset_moments(
 
 
 def weights_of_tests(
-    error: TensorVariable, variance: Any, inputs: Mapping[str, Any]
-) -> tuple[TensorVariable, TensorVariable]:
+    error: Tensor, variance: Any, inputs: Mapping[str, Any]
+) -> tuple[Tensor, Tensor]:
     """Return the precision of each error, and error times precision, as tables by test."""
     precision = table_of(pt.zeros_like(error) + 1 / variance, inputs)
     return precision, table_of(error / variance, inputs)
 
 
-def as_double(value: Any) -> TensorVariable:
+def as_double(value: Any) -> Tensor:
     """Return a tensor in double precision: PyTensor reads 7.0 as a single-precision number."""
-    return pt.cast(value, "float64") if is_inferred(value) else pt.as_tensor(value, dtype="float64")
+    return pt.cast(pt.as_tensor(value), "float64")
