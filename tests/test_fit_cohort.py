@@ -37,10 +37,10 @@ def fitted(tmp_path_factory):
 
 
 def test_a_property_beyond_the_measured_pressures_is_doubtful(tmp_path):
-    properties = {"pressure": [300], "pressure_unit": "mmHg"}
+    at = ph.Conditions([300], pressure_unit="mmHg")
     one = ph.select(STUDY, specimen="S1")
     with pytest.warns(UserWarning, match="1 of 1 have a doubtful fit.*S1: .*measured"):
-        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, serial(tmp_path), properties=properties, **QUIET)
+        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, serial(tmp_path), at=at, **QUIET)
     (said,) = ph.open_result(tmp_path)["evidence"]["doubtful"].values.tolist()
     assert "measured" in said
 

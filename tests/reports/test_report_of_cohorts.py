@@ -63,8 +63,8 @@ def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words,
 @pytest.mark.deep
 def test_report_of_a_fitted_cohort(write, tmp_path):
     settings = {"random_seed": 1, "draws": 100, "store": ph.Store(tmp_path / "s", cores=1)}
-    properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
-    fitted = ph.fit_cohort(ph.Ogden(), DATA, 0.4, properties=properties, **settings)
+    at = ph.Conditions([80, 120], pressure_unit="mmHg")
+    fitted = ph.fit_cohort(ph.Ogden(), DATA, 0.4, at=at, **settings)
     page = write({"Cohort": fitted.load()})
     assert page.column("Posterior medians of the parameters", "parameter") == ["mu", "alpha"]
     assert "compliance" in page.column("Posterior medians of the elastic", "property")
