@@ -30,6 +30,7 @@ from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.rounding import DIGITS
 
 # Prediction for data not yet classified, as after an interrupt.
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
@@ -42,9 +43,6 @@ CLASSES = "classes"
 # Difference of log posteriors, in nats, below the most probable class, at which an unreliable
 # evidence is ignored: the probability of that class is below exp(−10) = 5e-5.
 _IGNORED_BELOW = 10.0
-# Number of decimals to which probabilities and p-values are rounded before comparison, so that
-# rounding errors do not decide between equal ones.
-_DIGITS = 9
 
 
 class Classification:
@@ -283,13 +281,13 @@ def _decide(
 
     The first one of several equally probable classes is chosen.
     """
-    probability = result["class_probability"].values.round(_DIGITS)
+    probability = result["class_probability"].values.round(DIGITS)
     names = result["class_label"].values.tolist()
     decision = np.array([names[j] for j in probability.argmax(axis=1)], dtype=object)
     decision[~(probability.max(axis=1) >= undecided_below)] = "undecided"
     decision[_is_unreliable(result, prior)] = _UNJUDGED
     if "p_value" in result and none_below:
-        p_value = result["p_value"].values.round(_DIGITS)
+        p_value = result["p_value"].values.round(DIGITS)
         decision[np.isnan(p_value).any(axis=1)] = _UNJUDGED
         decision[(p_value < none_below).all(axis=1)] = "none of these"
     decision[np.isnan(result["log_evidence"].values).any(axis=1)] = _UNJUDGED

@@ -20,7 +20,12 @@ from pymc_hyperelastic.classes.differences import by_draw, differences, interval
 from pymc_hyperelastic.classes.groups import Groups, groups_of, kind_of_groups
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.joint import Apart
-from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities, unit_of
+from pymc_hyperelastic.classes.quantities import (
+    MOST_LACKING,
+    complete_conditions,
+    known_quantities,
+    unit_of,
+)
 from pymc_hyperelastic.classes.sensitivity import power_scaling
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -39,8 +44,6 @@ type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]
 _LOG_SPREAD_RATIO = 0.5
 # Number of prior draws from which the median and interval of a prior spread are computed.
 _PRIOR_DRAWS = 4000
-# Fraction of specimens without a quantity above which a warning is issued.
-_MOST_LACKING = 0.005
 
 
 @one_thread
@@ -318,7 +321,7 @@ def _warn_of_lacking(result: xr.Dataset) -> None:
     for group in lacking["group"].values:
         for name in lacking["quantity"].values:
             share = float(lacking.sel(group=group, quantity=name))
-            if share > _MOST_LACKING:
+            if share > MOST_LACKING:
                 warn_user(
                     f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there; "
                     "results are those of the other specimens"

@@ -25,6 +25,9 @@ from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
 Array = NDArray[np.float64]
 
+#: Share of specimens without a quantity, or that cannot bear a test, above which there is a
+#: warning.
+MOST_LACKING = 0.005
 # Seed of the Latin hypercube of specimens: all draws of all classes use the same points.
 _SEED = 1
 # Number of materials whose properties are computed in one batch, to limit the memory.

@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
+from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
 # Largest deviation of the sum of a unit's probabilities from 1: inputs may have been rounded.
 _SUM_TOLERANCE = 1e-6
-# Number of decimals to which probabilities and edges of bins are rounded before comparison, so that
-# rounding errors do not decide between equal ones.
-_DIGITS = 9
 # Name of the forecast by the most probable class.
 TOP_CLASS = "most probable class"
 
@@ -118,7 +116,7 @@ def score_probabilities(
     with np.errstate(divide="ignore"):
         log_score = np.log(p[rows, true])
     brier_score = np.sum((p - np.eye(len(classes))[true]) ** 2, axis=1)
-    top = p.round(_DIGITS).argmax(axis=1)
+    top = p.round(DIGITS).argmax(axis=1)
     forecasts = {TOP_CLASS: (p[rows, top], top == true)}
     forecasts |= {str(name): (p[:, c], true == c) for c, name in enumerate(classes)}
     scores = {"log_score": log_score, "brier_score": brier_score, "correct": top == true}
@@ -220,7 +218,7 @@ def _mean(values: Array) -> tuple[float, float]:
 
 def _reliability(p: Array, occurred: NDArray[np.bool_], edges: Array, ci_prob: float) -> xr.Dataset:
     """Return predicted and observed frequencies of one forecast for each bin."""
-    place = np.searchsorted(edges[1:-1].round(_DIGITS), p.round(_DIGITS))
+    place = np.searchsorted(edges[1:-1].round(DIGITS), p.round(DIGITS))
     count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, occurred))
     total = np.bincount(place, p, len(edges) - 1)
     interval = np.full((len(count), 2), np.nan)

@@ -13,15 +13,13 @@ from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws
 from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
 # Weight in an average over strain energies below which a strain energy changes no reported digit of
 # a Shapley value.
 _NEGLIGIBLE_WEIGHT = 1e-4
-# Number of decimals to which log probabilities of classes are rounded before comparison: rounding
-# errors then do not decide between equal ones.
-_DIGITS = 9
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -43,7 +41,7 @@ def log_ratio_parts(
 def rivals_of(log_probability: Array) -> list[int]:
     """Return, for each class, the index of the most probable other class."""
     # Unknown probabilities are ranked last.
-    ranked = np.nan_to_num(log_probability.round(_DIGITS), nan=-np.inf)
+    ranked = np.nan_to_num(log_probability.round(DIGITS), nan=-np.inf)
     first, second = np.argsort(-ranked, kind="stable")[:2].tolist()
     return [second if own == first else first for own in range(len(ranked))]
 

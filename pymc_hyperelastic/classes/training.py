@@ -12,10 +12,7 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import inflation_data_of
-
-# Decimals to which points, in kPa and mm, are compared: converting units, or writing a file, may
-# change the last digits of a number.
-_DECIMALS = 9
+from pymc_hyperelastic.rounding import DIGITS
 
 # Rounded radius and pressure, by which points are compared.
 Point = tuple[float, ...]
@@ -111,4 +108,4 @@ def _copies(
 def _points(data: xr.Dataset) -> list[Point]:
     """Return the rounded radius and pressure of each point."""
     measured = np.stack([measured_radius(data).values, data["pressure"].values], axis=1)
-    return [tuple(point) for point in np.round(measured.astype(float), _DECIMALS).tolist()]
+    return [tuple(point) for point in np.round(measured.astype(float), DIGITS).tolist()]

@@ -14,10 +14,8 @@ from pymc_hyperelastic.data.inflation import OPTIONAL_LABELS, file_of, listed, r
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.validation import Problems
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.rounding import ROUNDING
 
-# Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
-# from different units differ by rounding errors.
-_ROUNDING = 1e-9
 # Labels that together name a test; a table may lack the last two.
 LABELS = ("specimen", "experiment", *OPTIONAL_LABELS)
 
@@ -140,7 +138,7 @@ def differ(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return True where values differ; numbers must differ by more than rounding errors."""
     different = values != others
     if values.dtype.kind == "f" == others.dtype.kind:
-        different &= ~np.isclose(values, others, rtol=_ROUNDING, atol=0, equal_nan=True)
+        different &= ~np.isclose(values, others, rtol=ROUNDING, atol=0, equal_nan=True)
     return different
 
 

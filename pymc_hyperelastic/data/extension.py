@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows
 from pymc_hyperelastic.data.inflation import varies
+from pymc_hyperelastic.rounding import DIGITS
 
 # An extension test extends its tube by at least this part of its stretch.
 _LEAST_EXTENSION = 0.01
 # At most this part of the rows of an extension test has one and the same stretch.
 _MOST_EQUAL = 0.5
-# Digits to which stretches are rounded before they are compared: rounding errors do not decide.
-_DIGITS = 9
 
 
 def clearly_extended(stretch: NDArray[np.float64]) -> bool:
@@ -41,7 +40,7 @@ def stretches_of(
         own = stretch[points]
         usual, often = _usual(own)
         if often:
-            other = points[np.flatnonzero(own.round(_DIGITS) != usual)[0]]
+            other = points[np.flatnonzero(own.round(DIGITS) != usual)[0]]
             rows.problems.doubt(
                 "extension",
                 rows.place(other),
@@ -66,7 +65,7 @@ def _held(stretch: NDArray[np.float64]) -> bool:
 
 def _usual(stretch: NDArray[np.float64]) -> tuple[float, int]:
     """The stretch of most rows, and of how many if that is too many for an extension test."""
-    values, count = np.unique(stretch.round(_DIGITS), return_counts=True)
+    values, count = np.unique(stretch.round(DIGITS), return_counts=True)
     often = int(count.max())
     too_many = often > _MOST_EQUAL * stretch.size and stretch.size > 2
     return float(values[np.argmax(count)]), often if too_many else 0

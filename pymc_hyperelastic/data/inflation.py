@@ -20,11 +20,10 @@ from pymc_hyperelastic.data.validation import Problem
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_TABLES, MEASURES
+from pymc_hyperelastic.rounding import ROUNDING
 
 # Labels that a message lists.
 _MOST_LISTED = 30
-# Relative variation below which an axial stretch was held, and is rounded.
-_ROUNDING = 1e-9
 
 REQUIRED = ("radius", "pressure", *GEOMETRY)
 OPTIONAL = ("outer_diameter", "axial_force", *(f"{name}_sd" for name in MEASURES))
@@ -105,7 +104,7 @@ def varies(stretch: NDArray[np.float64], test: NDArray[np.integer]) -> NDArray[n
     with np.errstate(invalid="ignore"):  # NaN, an unknown stretch, is one number
         np.minimum.at(low, test, stretch)
         np.maximum.at(high, test, stretch)
-    return high - low > _ROUNDING * np.abs(high)
+    return high - low > ROUNDING * np.abs(high)
 
 
 def extension_tests(data: xr.Dataset) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.columns import Rows, labels_of
 from pymc_hyperelastic.data.extension import clearly_extended
 from pymc_hyperelastic.data.inflation import row_text
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 Points = NDArray[np.intp]
@@ -20,8 +21,6 @@ Cycles = Literal["last", "all"]
 
 # A curve that falls back by a smaller part of its range is one that rises with measurement errors.
 _FALL = 0.1
-# Relative tolerance of that fall: exactly a tenth does not count, in any unit of pressure.
-_ROUNDING = 1e-9
 # Rows per leg: at least 4 on average in a cycle; shuffled rows have 1.5.
 _LEG = 4
 _SLOPES = "slopes are taken between neighbouring rows"
@@ -131,7 +130,7 @@ def _first_turn(x: Array) -> int:
 
 def _turns(x: Array) -> int:
     """How often a curve turns back by more than a part of its range."""
-    fall = _FALL * np.ptp(x) * (1 + _ROUNDING)
+    fall = _FALL * np.ptp(x) * (1 + ROUNDING)
     turns, way, high, low = 0, 0, x[0], x[0]
     for value in x[1:]:
         high, low = max(high, value), min(low, value)

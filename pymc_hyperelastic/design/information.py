@@ -22,22 +22,20 @@ from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
+from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
 # Effective inner draws below which the evidence of a class for a specimen counts as unreliable.
 _ENOUGH = 20
-# Fraction of specimens with fewer effective draws above which there is a warning.
-_MOST_UNSURE = 0.05
+#: Fraction of specimens with fewer effective draws above which there is a warning.
+MOST_UNSURE = 0.05
 # Change of the information with half of the inner draws above which there is a warning, nats.
 _BIASED = 0.02
 # The same in standard errors of the change: both limits must be exceeded.
 _ERRORS = 3.0
 # Number of simulated specimens for the density of a quantity before the tests.
 _BEFORE = 2000
-# Digits to which information, in nats, and probabilities are rounded before they are compared, so
-# that rounding errors do not decide.
-_DIGITS = 9
 
 
 @one_thread
@@ -258,7 +256,7 @@ def _result(
     gain, of_half = gains
     counted = np.isfinite(gain)
     information, error = _mean_and_error(gain)
-    best = int(np.nanargmax(information.round(_DIGITS)))
+    best = int(np.nanargmax(information.round(DIGITS)))
     difference, difference_se = _mean_and_error(gain - gain[best])
     change, change_se = _mean_and_error(gain - of_half)
     unsure = np.sum(effective < _ENOUGH, axis=1) / counted.sum(axis=1)
@@ -282,7 +280,7 @@ def _result(
         },
     )
     for name, share in zip(planned, unsure, strict=True):
-        if share > _MOST_UNSURE:
+        if share > MOST_UNSURE:
             warn_user(
                 f"design {name!r}: {share:.0%} of the specimens have fewer than {_ENOUGH} "
                 "effective draws, so that their information is unreliable: increase draws"
@@ -294,13 +292,13 @@ def _result(
                 "draws are left out, and is at best as accurate as that: increase draws"
             )
     # A stable sort keeps equally informative designs in the order of the argument.
-    order = np.argsort(-information.round(_DIGITS), kind="stable")
+    order = np.argsort(-information.round(DIGITS), kind="stable")
     result = result.isel(design=order)
     before = np.exp(tried.log_before)
     entropy = float(-np.sum(before * tried.log_before))
     attrs: dict[str, Any] = {"about": about, "entropy": entropy}
     if stop_below is not None:
-        most = int(np.nanargmax((information + 2 * error).round(_DIGITS)))
+        most = int(np.nanargmax((information + 2 * error).round(DIGITS)))
         attrs["stop"] = int(information[most] + 2 * error[most] < stop_below)
         attrs["words"] = (
             f"no design is expected to give more than {stop_below:g} nats of information: stop"

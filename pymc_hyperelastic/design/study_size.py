@@ -16,7 +16,12 @@ from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.compare_classes import check_quantities
 from pymc_hyperelastic.classes.groups import groups_of, kind_of_groups
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.quantities import complete_conditions, unit_of, values_of
+from pymc_hyperelastic.classes.quantities import (
+    MOST_LACKING,
+    complete_conditions,
+    unit_of,
+    values_of,
+)
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.settings import origin_of
@@ -36,8 +41,6 @@ _WIDENING = 1.5
 # Largest ratio of posterior to prior variance of a specimen in any direction: it keeps the
 # covariance of its likelihood finite where the curves have no information.
 _LARGEST_RATIO = 0.99
-# Fraction of simulated materials without the quantity above which there is a warning.
-_TOLERATED_FRACTION = 0.005
 
 
 class _Pilot(NamedTuple):
@@ -215,7 +218,7 @@ def plan_study(
 
     truth, found = difference(pilot.location), difference(_locations(posteriors, draws, rng))
     lacking = np.isnan(found).mean()
-    if lacking > _TOLERATED_FRACTION:
+    if lacking > MOST_LACKING:
         warn_user(
             f"{lacking:.1%} of the simulated materials do not have the quantity, such as a radius "
             "at this pressure, and are left out"

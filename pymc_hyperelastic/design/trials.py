@@ -14,7 +14,7 @@ from scipy import stats
 from scipy.special import log_softmax, logsumexp, softmax
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.quantities import complete_conditions, values_of
+from pymc_hyperelastic.classes.quantities import MOST_LACKING, complete_conditions, values_of
 from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
@@ -24,6 +24,7 @@ from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
+from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
@@ -35,14 +36,9 @@ _DISTRIBUTIONS = 400
 # few draws would be almost 0 in its tails.
 _AS_BEFORE = 0.02
 # Fraction of specimens that cannot bear a design above which it is refused.
-_MOST_LACKING = 0.2
-# Fraction of specimens that cannot bear a design above which there is a warning.
-_FEW_LACKING = 0.005
+_TOO_MANY_LACKING = 0.2
 # Number of draws for the density of a quantity after a test.
 _AFTER = 256
-# Digits to which probabilities are rounded before they are compared, so that rounding errors do not
-# decide.
-_DIGITS = 9
 
 
 class Specimens(NamedTuple):
@@ -227,8 +223,8 @@ def _sd_of(name: str, given: float | None, classes: xr.DataTree) -> float:
 
 def _in_proportion(chance: Array, count: int) -> NDArray[np.intp]:
     """Return `count` indices of classes, in proportion to their probabilities `chance`."""
-    ends, places = np.cumsum(chance).round(_DIGITS), (np.arange(count) + 0.5) / count
-    return np.searchsorted(ends, places.round(_DIGITS)).clip(max=len(chance) - 1)
+    ends, places = np.cumsum(chance).round(DIGITS), (np.arange(count) + 0.5) / count
+    return np.searchsorted(ends, places.round(DIGITS)).clip(max=len(chance) - 1)
 
 
 def _measured(
@@ -245,9 +241,9 @@ def _check_borne(name: str, design: Design, radii: Array) -> None:
     """Raise if many specimens cannot bear a design, and warn if some cannot."""
     lacking = 1 - np.isfinite(radii).all(axis=1).mean()
     words = f"design {name!r} ({words_of(design)}): {lacking:.1%} of the specimens cannot bear it"
-    if lacking > _MOST_LACKING:
+    if lacking > _TOO_MANY_LACKING:
         raise ValueError(f"{words}: choose a smaller range of pressures, radii or stretches")
-    if lacking > _FEW_LACKING:
+    if lacking > MOST_LACKING:
         warn_user(f"{words}, and are left out")
 
 

@@ -27,9 +27,8 @@ from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal
 from pymc_hyperelastic.predictions.draws import Draws, draws_of
 from pymc_hyperelastic.predictions.measured import typical_tests
 from pymc_hyperelastic.predictions.members import tests_of
+from pymc_hyperelastic.rounding import DIGITS
 
-# Digits, in mm and radians, to which tubes are rounded before they are compared.
-_DIGITS = 9
 _RADII = 80  # points of a curve over radii
 # Points of a curve over axial stretches: at each one Newton's method finds the radius.
 _STRETCHES = 24
@@ -181,7 +180,7 @@ def _owners(data: xr.Dataset) -> list[str]:
 def tubes_of(data: xr.Dataset) -> NDArray[np.intp]:
     """The number of the tube of each test; tubes that differ by rounding errors are the same."""
     tubes = {name: data[name].values for name in GEOMETRY if name != "axial_stretch"}
-    table = pd.DataFrame(tubes | {"axial_stretch": held_stretches(data)}).round(_DIGITS)
+    table = pd.DataFrame(tubes | {"axial_stretch": held_stretches(data)}).round(DIGITS)
     return table.groupby(list(GEOMETRY), dropna=False).ngroup().to_numpy()
 
 

@@ -22,14 +22,13 @@ from pymc_hyperelastic.plots.style import (
     set_yticks,
     stacked,
 )
+from pymc_hyperelastic.rounding import ROUNDING
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
 # Rows and columns of panels of a single result.
 _MOST_ROWS, _MOST_COLUMNS = 8, 4
-# Tolerance for equal room above and below a bar, where the number stands above.
-_ROUNDING = 1e-9
 
 
 @one_thread
@@ -196,7 +195,7 @@ def _written(
     values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
 ) -> dict[str, Any]:
     """Numbers above or below the interval from low to high: the side with more room."""
-    above = 1 - high >= low - _ROUNDING
+    above = 1 - high >= low - ROUNDING
     return {
         "data": values.to_dataset(name="class_probability"),
         "text": rounded_probability,

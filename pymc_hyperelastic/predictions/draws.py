@@ -19,7 +19,6 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.predictions.measured import (
-    ROUNDING,
     Extrapolated,
     Measured,
     measured_by,
@@ -29,6 +28,7 @@ from pymc_hyperelastic.predictions.measured import (
 from pymc_hyperelastic.predictions.members import Member
 from pymc_hyperelastic.predictions.walls import values_by_draw, wall_draws_of
 from pymc_hyperelastic.quantities import IN_RESULTS
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 

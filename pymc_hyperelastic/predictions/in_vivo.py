@@ -14,13 +14,11 @@ from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.draws import Array, Draws
 from pymc_hyperelastic.predictions.measured import Extrapolated, warn_user, warned
+from pymc_hyperelastic.rounding import ROUNDING
 
 # Axial stretches that bracket the in vivo stretch. Neighbours are so close that a change of sign
 # between them is a single root. The ends are stated in the docstring of tube_properties.
 _STRETCHES = np.geomspace(0.8, 2.5, 9)
-# Changes of force below this fraction of the pressure's thrust π a² p count as rounding errors, as
-# for strain energies without axial force.
-_ROUNDING = 1e-9
 # Relative tolerance of the in vivo stretch.
 _TOLERANCE = 1e-9
 # Largest change of force that may remain at a root, as a fraction of the thrust π a² p: a jump of
@@ -116,9 +114,9 @@ def in_vivo_stretch(tube: TubeNumbers, pressure: Array) -> Array:
     active = np.arange(count)
     for stretch in _STRETCHES:
         by = rise(np.full(active.size, stretch), active)
-        crossed = (by > _ROUNDING) & np.isfinite(falls[active])
+        crossed = (by > ROUNDING) & np.isfinite(falls[active])
         rises[active[crossed]] = stretch
-        falls[active[by < -_ROUNDING]] = stretch
+        falls[active[by < -ROUNDING]] = stretch
         falls[active[np.isnan(by)]] = np.nan
         active = active[~crossed]
     found, bracketed = np.full(count, np.nan), np.flatnonzero(np.isfinite(rises))

@@ -32,15 +32,9 @@ from pymc_hyperelastic.mechanics.tube import (
     stretches,
 )
 from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.rounding import DIGITS, ROUNDING
 
 Array = NDArray[np.float64]
-
-# Relative tolerance of comparisons, so that rounding errors do not move a measured point outside
-# the measured range.
-ROUNDING = 1e-9
-# Decimals to which axial stretches are rounded before they are compared: coarser than rounding
-# errors, finer than any measurement.
-_DIGITS = 9
 
 
 class Extrapolated(NamedTuple):
@@ -212,7 +206,7 @@ def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
 def _upper_hull(at: Array, x: Array, y: Array) -> Array:
     """Return the upper edge of the convex hull of points (x, y), interpolated at `at`."""
     # Stretches that differ only by rounding errors count as equal.
-    at, x = at.round(_DIGITS), x.round(_DIGITS)
+    at, x = at.round(DIGITS), x.round(DIGITS)
     hull: list[tuple[float, float]] = []
     for place in np.unique(x):
         point = place, y[x == place].max()

@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.classes.quantities import MOST_LACKING
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.plots.comparison import plot_comparison
@@ -19,8 +20,6 @@ from pymc_hyperelastic.reports.page import (
 
 # Sensitivity above which the prior influences a difference (Kallioinen et al. 2024).
 _SENSITIVE = 0.05
-# Share of specimens without a quantity above which it is a warning.
-_LACKING = 0.005
 # Pressures of a curve that the tables show.
 _MOST_PRESSURES = 3
 
@@ -37,7 +36,7 @@ def _check(result: xr.Dataset, page: Page) -> None:
         if sensitivity > _SENSITIVE:
             words = f"the prior influences the difference of {name}: its sensitivity is"
             page.notice(CAUTION, f"{words} {short(sensitivity)}")
-        if "lacking" in own and float(own["lacking"].max()) > _LACKING:
+        if "lacking" in own and float(own["lacking"].max()) > MOST_LACKING:
             words = (
                 f"up to {float(own['lacking'].max()):.1%} of the specimens of a group have no "
                 f"{name}; the result describes the others"

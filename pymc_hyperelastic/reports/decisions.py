@@ -19,6 +19,7 @@ from pymc_hyperelastic.reports.page import (
     plural,
     short,
 )
+from pymc_hyperelastic.rounding import DIGITS
 
 # P-value below which a specimen is atypical of a class.
 _ATYPICAL = 0.05
@@ -30,8 +31,6 @@ _MOST_SHOWN = 200
 _CLEAR = 0.95
 # Different error messages that are listed at most.
 _MOST_MESSAGES = 10
-# Digits to which probabilities are rounded before they are sorted, against rounding errors.
-_DIGITS = 9
 _COLUMNS = (
     "name group decision class_label class_probability class_probability_se log_evidence "
     "log_evidence_se pareto_k p_value method"
@@ -180,7 +179,7 @@ def show_explanation(result: xr.Dataset, page: Page) -> None:
 def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     """Count the decisions, and return the specimens or experiments with the least clear class."""
     unit = unit_of(result)
-    probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
+    probability = result["class_probability"].max("class_label").fillna(0.0).values.round(DIGITS)
     decision = result["decision"].values.astype(str)
     labels = result["class_label"].values.astype(str)
     probability = np.where(np.isin(decision, labels), probability, 0.0)
@@ -210,7 +209,7 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
         "the posterior of a class."
     )
     prior = read_json(result, "class_prior", {})
-    if len({round(p, _DIGITS) for p in prior.values()}) > 1:
+    if len({round(p, DIGITS) for p in prior.values()}) > 1:
         probabilities = listed([f"{short(p)} for {name}" for name, p in prior.items()])
         page.methods.append(f"The prior probabilities of the classes were {probabilities}.")
     elif len(prior) > 1:

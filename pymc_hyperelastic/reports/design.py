@@ -2,14 +2,12 @@
 
 import xarray as xr
 
+from pymc_hyperelastic.classes.quantities import MOST_LACKING
+from pymc_hyperelastic.design.information import MOST_UNSURE
 from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, listed, short
 
-# Share of specimens that cannot be tested by a design above which it is a warning.
-_LACKING = 0.005
-# Share of specimens with few effective draws above which it is a warning.
-_UNSURE = 0.05
 # Standard errors of the difference within which a design may be as good as the best one.
 _ERRORS = 2
 
@@ -27,8 +25,12 @@ def _check_designs(result: xr.Dataset, page: Page) -> None:
         words = f"{designs} may be as good as {best}: the difference is within two standard errors"
         page.notice(NOTE, words)
     for variable, limit, words in (
-        ("lacking", _LACKING, "of the specimens cannot be tested in this way, and are left out"),
-        ("unsure", _UNSURE, "of the specimens have few effective draws: more draws are needed"),
+        (
+            "lacking",
+            MOST_LACKING,
+            "of the specimens cannot be tested in this way, and are left out",
+        ),
+        ("unsure", MOST_UNSURE, "of the specimens have few effective draws: increase draws"),
     ):
         for name, share in zip(names, result[variable].values.tolist(), strict=True):
             if share > limit:

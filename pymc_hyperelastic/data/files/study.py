@@ -12,12 +12,11 @@ from pymc_hyperelastic.data.validation import Check, refuse
 from pymc_hyperelastic.mechanics.reference_tube import WALL
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_TABLES
+from pymc_hyperelastic.rounding import DIGITS
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
 _FEWEST_ALIKE = 3
-# Digits of a number that remain when it is written in another unit.
-_DIGITS = 9
 # Defaults for columns that a study lacks, in words.
 _OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
 _RADII = ("inner_radius", "outer_radius")
@@ -196,7 +195,7 @@ def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
     for labels, rows in tests:
         values = rows[measured].to_numpy()
-        points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
+        points = tuple(sorted(tuple(f"{x:.{DIGITS}g}" for x in row) for row in values))
         # Its cycles may well be the same, as they are read.
         experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"
         other, first = seen.setdefault(points, (experiment, place))
