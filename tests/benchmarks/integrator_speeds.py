@@ -38,8 +38,7 @@ LAWS = {
 }
 TUBE = {"inner_radius": 0.45, "outer_radius": 0.57}
 STRETCHES, RADII, POINTS = (1.4, 1.5, 1.6), (0.45, 0.5, 0.55, 0.6), 20
-NOISE = {"noise_sd": 0.15, "slope_weight": 0.0}
-FORCE = {"force_noise_sd": 0.5}
+PRESSURE_SD, FORCE_SD = 0.15, 0.5  # kPa, mN
 
 
 def data_of(law, *, force, extended, slack):
@@ -55,19 +54,19 @@ def data_of(law, *, force, extended, slack):
         measured = {"radius": radius, "stretch": stretch, "experiment": number, "specimen": "A"}
         noise = rng.standard_normal((2, POINTS))
         pressure = ph.inflation_pressure(law, radius, tube, **material)
-        measured["pressure"] = pressure.eval(mode="FAST_COMPILE") + 0.15 * noise[0]
+        measured["pressure"] = pressure.eval(mode="FAST_COMPILE") + PRESSURE_SD * noise[0]
         if force:
             axial_force = ph.axial_force(law, radius, tube, **material)
-            measured["axial_force"] = axial_force.eval(mode="FAST_COMPILE") + 0.5 * noise[1]
+            measured["axial_force"] = axial_force.eval(mode="FAST_COMPILE") + FORCE_SD * noise[1]
         rows.append(pd.DataFrame(measured))
     frame = pd.concat(rows)
     return ph.inflation_data(frame, ph.Tube(**TUBE, axial_stretch="stretch"), check="ignore")
 
 
-def density(law, data, noise):
+def density(law, data, likelihood):
     """Seconds to make and compile a model, and milliseconds of its log density and gradient."""
     start = time.perf_counter()
-    model = ph.inflation_model(law, data, **noise)
+    model = ph.inflation_model(law, data, likelihood)
     function = model.logp_dlogp_function(ravel_inputs=True)
     function.set_extra_values({})
     point = DictToArrayBijection.map(model.initial_point())
@@ -83,10 +82,10 @@ def density(law, data, noise):
     return f"{made:8.1f} s{1e3 * best:10.3f} ms"
 
 
-def specimen(law, data, noise):
+def specimen(law, data, likelihood):
     """Seconds to make a sampler of specimens, and to sample one the second time."""
     start = time.perf_counter()
-    sampler = HierarchicalClass.of_settings(law, **noise).sampler(data)
+    sampler = HierarchicalClass.of_settings(law, likelihood).sampler(data)
     sampler(data, np.random.default_rng(1))
     made, start = time.perf_counter() - start, time.perf_counter()
     for seed in (2, 3):
@@ -107,8 +106,8 @@ args = options.parse_args()
 for name in LAWS:
     law = getattr(ph, name)()
     for kind, settings in KINDS.items():
-        noise = NOISE | (FORCE if settings["force"] else {})
+        likelihood = ph.Gaussian(PRESSURE_SD, force_sd=FORCE_SD if settings["force"] else None)
         for words, function in (("density", density), ("specimen", specimen)):
             row = f"{name}, {kind}, {words}"
             if re.search(args.only, row):
-                print(f"{row:<46}{function(law, data_of(law, **settings), noise)}", flush=True)
+                print(f"{row:<46}{function(law, data_of(law, **settings), likelihood)}", flush=True)
