@@ -89,8 +89,7 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) 
     """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
 
     An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose curve ends below a
-    pressure are left out there.
+    its area, by inner/outer of that. Draws whose curve ends below a pressure are left out there.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
