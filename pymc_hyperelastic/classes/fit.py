@@ -88,7 +88,7 @@ def fit_classes(
         The variable ``pareto_k`` is the Pareto shape of the importance weights, NaN for the other
         methods.
 
-        Save it with ``classes.to_netcdf(path)``, and read it with ``xarray.open_datatree(path)``.
+        Save it with :func:`save_result`, and read it with :func:`open_result`.
 
     Raises
     ------

@@ -105,7 +105,7 @@ def _check_angle(rows: Rows, tube: Tube, angle: Array) -> None:
     questions = [_conventions(rows)] if tube.convention is None else []
     questions += [_REFERENCES] if tube.radii_of is None else []
     cut = np.isfinite(angle) & (angle != 0) & bool(questions)
-    _refuse(rows, cut, "opening_angle is {:.6g} rad, and " + "; and ".join(questions), angle)
+    _refuse(rows, cut, "opening_angle is not 0, and " + "; and ".join(questions))
 
 
 def _with_wall(rows: Rows, tube: Tube, numbers: dict[str, Any]) -> Tube:

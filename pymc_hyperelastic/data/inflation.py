@@ -156,7 +156,10 @@ def _check_structure(data: xr.Dataset) -> None:
         allowed = [(dimension,), ("obs",)] if name == "axial_stretch" else [(dimension,)]
         if variables[name].dims not in allowed:
             expected = " or ".join(map(str, allowed))
-            raise ValueError(f"{name!r} has dimensions {variables[name].dims}; expected {expected}")
+            raise ValueError(
+                f"{name!r} has dimensions {variables[name].dims}; expected {expected}. If points "
+                "were selected by `where`, select them by data.isel(obs=condition)"
+            )
         expected = IN_TABLES[name].unit if name in IN_TABLES else "1"
         unit = variables[name].attrs.get("units", expected)
         if unit != expected:

@@ -63,7 +63,7 @@ def inflation_data(
         an angle the unit `angle_unit`. With an opening angle, `tube` has to state the convention,
         and whether the radii are those of the sector or of the ring.
 
-        A radius that is not stated is not known. It may be inferred, see ``geometry`` of
+        A radius that is not stated is not known. It may be inferred, see ``priors`` of
         :func:`~pymc_hyperelastic.inflation_model`. An axial stretch that is not stated is 1, and an
         opening angle 0. A column of the axial stretch may vary within a test, which is then an
         extension test, mostly at a held pressure. Inflation and extension tests on a specimen stand

@@ -291,7 +291,7 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
     example = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
     message = (
         f"the result's data do not have one {', one '.join(found)}: state the tube, such as "
-        f"ph.Tube({example})"
+        f"tube=ph.Tube({example}), in ph.Conditions if the function has an argument `at`"
     )
     # Tests of one specimen may differ in axial stretch, so that its name would not help.
     names = [] if data is None else list(dict.fromkeys(data["specimen"].values.tolist()))

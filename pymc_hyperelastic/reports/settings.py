@@ -100,7 +100,8 @@ def priors_of_class(kind: HierarchicalClass) -> dict[str, str]:
     priors = {}
     for variable in model.free_RVs:
         if variable.name == "correlation_unit":
-            priors["the correlations"] = "the determinant of their matrix"
+            words = "LKJ(2) (density proportional to the determinant of their matrix)"
+            priors["the correlations"] = words
             continue
         distribution, parameters, *size = prior_to_record(variable.name, variable)
         if not size:
@@ -194,6 +195,8 @@ def add_methods(result: xr.DataTree, page: Page) -> None:
         page.methods.append(_data_sentence(data, specimens))
         if any("axial_force" in d for d in data.values()):
             page.methods.append("Axial forces were measured too.")
+            if settings.likelihood and "force_sd" not in settings.likelihood:
+                page.methods.append("The likelihood does not include them.")
     page.methods += _model_sentences(settings, max(specimens.values(), default=1) > 1)
     page.methods.append(_sampling_sentence(settings, trees.values()))
 

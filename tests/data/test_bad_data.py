@@ -106,6 +106,10 @@ IN_MMHG = build()["pressure"].assign_attrs(units="mmHg")
 BAD_DATASET = {
     "variable dropped": (build().drop_vars("opening_angle"), "lack 'opening_angle'.*'test'"),
     "dimension": (build().assign(inner_radius=("obs", [7.0] * 6)), "'inner_radius' has dimensions"),
+    "where": (
+        build().where(build()["pressure"] > 0, drop=True),
+        r"has dimensions.*select them by data\.isel\(obs=condition\)",
+    ),
     "other unit": (build().assign(pressure=IN_MMHG), "'pressure' is in 'mmHg'; expected 'kPa'"),
     "text": (with_values("radius", ["7"] * 6), "'radius' must hold numbers, not <U"),
     "nan": (with_values("pressure", [1, 2, 3, NAN, 5, 6]), f"{S1E2}, row 13: pressure is nan kPa"),

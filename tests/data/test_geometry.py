@@ -105,3 +105,11 @@ NO_TUBE = {
 def test_what_does_not_state_a_tube_is_refused_with_what_would(stated, message):
     with pytest.raises(ValueError, match=message):
         build(**stated)
+
+
+def test_several_angles_without_a_convention_are_one_problem():
+    frame = good_frame()
+    frame["angle"] = np.where(frame["specimen"] == "S1", 1.0, 2.0)
+    with pytest.raises(ValueError, match="and so are") as caught:
+        build(frame, opening_angle="angle")
+    assert str(caught.value).count("two conventions are in use") == 1

@@ -36,7 +36,8 @@ def test_tests_have_to_satisfy_all_that_is_asked_for():
 
 UNKNOWN = {
     "experiment": ({"experiment": [1, 7]}, "no experiment 7 in the data; there are 1, 2$"),
-    "phase": ({"phase": "loading"}, "do not name a phase"),
+    "phase": ({"phase": "loading"}, r"do not name a phase, only .*'group'.*give inflation_data"),
+    "sex": ({"sex": "f"}, r"do not name a sex, .*data\.assign_coords\(sex=\(\"test\", \[\.\.\."),
     "none": ({"specimen": []}, r"no test with specimen=\[\]"),
     "both": (
         {"specimen": "S1", "group": "C2"},

@@ -336,6 +336,11 @@ def test_result_is_refused_if_the_law_of_its_name_has_another_formula(monkeypatc
         ph.predict_pressure(tree, [8.0])
 
 
+def test_parameters_of_another_type_are_refused_with_an_example():
+    with pytest.raises(TypeError, match=r"strain energy Odd: .*\('c', .*such as ph\.Parameter\("):
+        type("Odd", (ph.NeoHookean,), {"parameters": [("c", "kPa")], "__module__": __name__})
+
+
 @pytest.mark.parametrize("name", sorted({law.strain_energy.name for law in LAWS.values()}))
 def test_names_of_built_in_laws_are_reserved(name):
     """A class of a user with such a name is refused, and the name keeps its law."""

@@ -51,7 +51,10 @@ VALUE_ERRORS = [
     (lambda: in_tube(thickness=[[1.0, 2.0]]), "'thickness' of the posterior has the dimensions"),
     (lambda: in_tube(thickness=[-1.0]), "thickness must be positive"),
     (lambda: predict(tube=ph.Tube(outer_radius=6.0)), "outer_radius must exceed inner_radius.*6.0"),
-    (lambda: predict(classes()["C2"]), "do not have one inner_radius"),
+    (
+        lambda: predict(classes()["C2"]),
+        r"do not have one inner_radius.*such as tube=ph\.Tube\(.*\), in ph\.Conditions if",
+    ),
     # Where.
     (lambda: predict(radius=[8.0, 0.0]), "internal_radius.*positive.*0."),
     (lambda: predict(radius=np.ones((2, 2))), "internal_radius.*list"),

@@ -165,7 +165,11 @@ def test_report_of_forces_and_extension_tests(write):
     assert "Fit of the axial force: Model" in page.figures
     assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
-    assert "Axial forces were measured too." in page.methods
+    left_out = "Axial forces were measured too. The likelihood does not include them."
+    assert left_out in page.methods
+    fitted = ph.Gaussian(pressure_sd=0.5, force_sd=1.0)
+    page = write({"Model": fitted_class(data, "NeoHookean", 20, likelihood=fitted)}, **AT)
+    assert "Axial forces were measured too." in page.methods and left_out not in page.methods
 
 
 def test_report_of_an_average_over_laws(write_words):
@@ -213,6 +217,7 @@ def test_settings_list_the_priors_of_hierarchical_classes():
     assert found["effect_spread"] == "LogNormal(−1, 0.25)"
     assert found["pressure_sd"] == "LogNormal(0, 1) kPa"
     assert found["noise_spread"] == "LogNormal(−1.204, 0.5)"
+    assert found["the correlations"].startswith("LKJ(2)")
     assert "experiment_spread[log_reference_strain]" in found
 
 

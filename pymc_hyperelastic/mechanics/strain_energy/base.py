@@ -18,6 +18,7 @@ from pytensor.gradient import grad
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.parallel import one_thread
 
 __all__ = ["Parameter", "StrainEnergy", "list_strain_energies"]
@@ -136,6 +137,11 @@ class StrainEnergy(ABC):
     @classmethod
     def _check_parameters(cls) -> None:
         """Raise TypeError unless :attr:`parameters` and :meth:`energy` have the same names."""
+        if wrong := [p for p in cls.parameters if not isinstance(p, Parameter)]:
+            raise TypeError(
+                f"strain energy {cls.__name__}: `parameters` holds {shown(wrong[0])}; expected a "
+                'ph.Parameter, such as ph.Parameter("c", "c", "kPa", (0, 100), "modulus")'
+            )
         stated = [p.name for p in cls.parameters]
         arguments = signature(cls.energy).parameters.values()
         keywords = [a.name for a in arguments if a.kind is a.KEYWORD_ONLY]
