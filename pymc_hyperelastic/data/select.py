@@ -68,13 +68,13 @@ def select(
     asked = {name: _as_labels(wanted) for name, wanted in given.items() if wanted is not None}
     for name, wanted in asked.items():
         if name not in data.coords or data[name].dims != ("test",):
-            existing = [n for n in data.coords if data[n].dims == ("test",)]
+            labelled = [n for n in data.coords if data[n].dims == ("test",)]
             how = (
                 "give inflation_data() a table with such a column"
                 if name in OPTIONAL_LABELS
                 else f'add it by data.assign_coords({name}=("test", [...]))'
             )
-            raise ValueError(f"the data do not name a {name}, only {listed(existing)}: {how}")
+            raise ValueError(f"the data do not name a {name}, only {listed(labelled)}: {how}")
         # Compared as text: a specimen named 7 in a spreadsheet is '7' here.
         present = [str(label) for label in data[name].values.tolist()]
         unknown = [label for label in wanted if str(label) not in present]

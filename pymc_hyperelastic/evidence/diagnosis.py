@@ -53,8 +53,8 @@ _LIMITS = {
     "limits": (0.5, 1.0),
 }
 _INSTEAD = (
-    "; another way is NUTS and ph.bridge_sampling, for classes of specimens that differ "
-    "ph.fit_classes"
+    "; another method is NUTS with ph.bridge_sampling, or ph.fit_classes for classes whose "
+    "specimens differ"
 )
 
 
@@ -123,8 +123,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         optimisation has found, is larger. Evidences that are too low by far are common, since mass
         may be missed; too high by far they never are.
     ``"search"``
-        The share of other particles, led from the prior alone, that are where chains began with
-        hardly any.
+        The share of the particles of a second run from the prior that lie where the chains started
+        with too few particles.
     ``"bounds"``
         The share of the posterior that is at a bound of the prior, where no particle arrives.
     ``"limits"``
@@ -227,8 +227,8 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
     if "unmet" in evidence:
         share = float(evidence["unmet"])
         words = (
-            f"{share:.0%} of other particles, led from the prior alone, are where chains began "
-            "with hardly any: a mode may be missing"
+            f"{share:.0%} of the particles of a second run from the prior lie where the chains "
+            "started with too few particles: a mode may be missing"
         )
         checks.append(_check("search", share, words))
     if "at_bounds" in evidence:
