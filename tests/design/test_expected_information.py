@@ -152,8 +152,8 @@ def test_axial_forces_and_materials_that_differ_by_test():
     }
     force_sd, effect = 1.0, 0.3
     likelihood = ph.Gaussian(NOISE, force_sd=force_sd)
-    effect = ph.Variability(experiment_effect=True)
-    settings = {"draws": 100, "chains": 1, "variability": effect}
+    variability = ph.Variability(experiment_effect=True)
+    settings = {"draws": 100, "chains": 1, "variability": variability}
     fitted = fit(training=training, likelihood=likelihood, **settings)
     known = {"experiment_spread": effect, "effect_spread": 1e-6}
     classes = with_distribution(fitted, FAR, **known)
