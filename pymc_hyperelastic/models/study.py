@@ -1,6 +1,7 @@
 """The parts of a model of inflation curves, and quantities computed from its draws."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -190,7 +191,7 @@ class Study:
         )
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
-        """Attributes of a result: the whole model, or its law if the model cannot be stored."""
+        """Attributes of a result: the whole model, or its law and likelihood if it is no class."""
         try:
             if self._fixed(model):
                 raise ValueError("the model has been changed since, and is not that of its priors")
@@ -199,11 +200,12 @@ class Study:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
             said = {"likelihood_in_words": self.likelihood.in_words} if self.likelihood else {}
-        try:
-            return said | ModelSettings.of(self.energy).attrs()
-        except ValueError:  # settings of a law that are no text
-            law = self.energy
-            return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+        # Evidences of laws are compared under one likelihood, also if priors cannot be stored.
+        for likelihood in (None if self._fixed(model) else self.likelihood, None):
+            with suppress(ValueError):  # settings of a law, or a prior of an error, are no text
+                return said | ModelSettings.of(self.energy, likelihood=likelihood).attrs()
+        law = self.energy
+        return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
 
 
 def coords_of(data: xr.Dataset) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Tubes that are inferred, or that were measured with an error."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pymc as pm
@@ -208,3 +210,16 @@ def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     assert tube
     for name, values in zip(names, tube, strict=True):
         np.testing.assert_allclose(values, other[name].values[::2])
+
+
+@pytest.mark.parametrize("unknown", [ph.MeasuredValue(0.1), pm.LogNormal.dist(-1.0, 0.2)])
+def test_results_of_uncertain_tubes_state_their_likelihood_to_compare_laws(unknown):
+    """They are no classes: their priors are not stored."""
+    likelihood = ph.Gaussian(pressure_sd=0.3, force_sd=2.0)
+    priors = {"thickness": unknown}
+    if not isinstance(unknown, ph.MeasuredValue):
+        priors["inner_radius"] = pm.LogNormal.dist(0.0, 0.1)
+    model = ph.ogden_model(tube_data("radius"), likelihood, priors=priors)
+    settings = json.loads(model.study.result_attrs(model)["model_settings"])
+    assert settings["likelihood"] == likelihood.to_record()
+    assert settings["priors"] is None
