@@ -38,8 +38,11 @@ SCROLLED = """() => [...document.querySelectorAll(".scroll")]
 ILLEGIBLE = """() => [...document.querySelectorAll("figure img")]
     .filter(e => !e.naturalWidth || e.clientWidth < 0.7 * e.naturalWidth)
     .map(e => e.alt)"""
-# Text of a drawing that is outside of it.
-CUT_OFF = """() => [...document.querySelectorAll("svg text")].filter(e => {
+# Text of a drawing that is outside of it. The box of a formula also holds the blanks between its
+# letters, which stand elsewhere: its letters are looked at one by one.
+CUT_OFF = """() => [
+    ...document.querySelectorAll("svg tspan, svg text:not(:has(tspan))")
+].filter(e => {
     const box = e.getBoundingClientRect(), frame = e.closest("svg").getBoundingClientRect();
     return box.left < frame.left - 2 || box.right > frame.right + 2 || box.top < frame.top - 2
         || box.bottom > frame.bottom + 2;
