@@ -8,7 +8,7 @@ import pytensor.tensor as pt
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Tube
+from pymc_hyperelastic.mechanics.layers import LayeredTube
 from pymc_hyperelastic.mechanics.strain_energy.base import elementwise_derivative
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER, TubeOp, WallIntegral, response
 
@@ -133,24 +133,24 @@ class MaterialIntegral(WallIntegral):
         return [2 * (rule.force_weight * w).sum(axis=-1) for w in (stored, *moduli)]
 
 
-def wall_pressure(tube: Tube, radius: Any, order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
+def wall_pressure(tube: LayeredTube, radius: Any, order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
     """Pressure (kPa) and stiffness (kPa/mm) of a tube at internal radii."""
     return _with_slope(PressureIntegral, tube, radius, order)
 
 
-def wall_force(tube: Tube, radius: Any, order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
+def wall_force(tube: LayeredTube, radius: Any, order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
     """Axial force (mN) of a tube at internal radii, and its slope (mN/mm)."""
     return _with_slope(AxialForceIntegral, tube, radius, order)
 
 
-def wall_material(tube: Tube, radius: Any, order: int = WALL_ORDER) -> list[Tensor]:
+def wall_material(tube: LayeredTube, radius: Any, order: int = WALL_ORDER) -> list[Tensor]:
     """Stored energy and moduli of a tube at internal radii, see :class:`MaterialIntegral`."""
     of_layers = [outputs for outputs, _ in _of_layers(MaterialIntegral, tube, radius, order)]
     return [sum(values) for values in zip(*of_layers, strict=True)]
 
 
 def _with_slope(
-    kind: type[WallIntegral], tube: Tube, radius: Any, order: int
+    kind: type[WallIntegral], tube: LayeredTube, radius: Any, order: int
 ) -> tuple[Tensor, Tensor]:
     """Add up an integral and its slope by the internal radius over the layers."""
     value, slope = 0.0, 0.0
@@ -162,7 +162,7 @@ def _with_slope(
 
 
 def _of_layers(
-    kind: type[WallIntegral], tube: Tube, radius: Any, order: int
+    kind: type[WallIntegral], tube: LayeredTube, radius: Any, order: int
 ) -> Iterator[tuple[Any, Any]]:
     """Yield the outputs of an integral over each layer, and the internal radius of the layer."""
     axial_stretch, opening_angle = tube.geometry["axial_stretch"], tube.geometry["opening_angle"]
@@ -183,10 +183,10 @@ class RadiusAtPressure(TubeOp):
     .. math:: \frac{∂a}{∂p} = \frac{1}{s}, \qquad \frac{∂a}{∂x} = -\frac{1}{s} \frac{∂p}{∂x}
 
     with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, and
-    :attr:`Tube.inputs`; they broadcast against each other. Outputs are the radius, and the relative
-    length of the last step, which is large where no such radius was found. Both are infinite where
-    pressure falls with the radius. `strain_energies` are those of the layers, `order` is the number
-    of nodes of the Gauss-Legendre rule.
+    :attr:`LayeredTube.inputs`; they broadcast against each other. Outputs are the radius, and the
+    relative length of the last step, which is large where no such radius was found. Both are
+    infinite where pressure falls with the radius. `strain_energies` are those of the layers,
+    `order` is the number of nodes of the Gauss-Legendre rule.
     """
 
     __props__ = ("strain_energies", "order")
@@ -194,7 +194,7 @@ class RadiusAtPressure(TubeOp):
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Take all steps of Newton's method."""
         pressure, radius, *rest = inputs
-        tube = Tube.of_inputs(self.strain_energies, rest)
+        tube = LayeredTube.of_inputs(self.strain_energies, rest)
         for _ in range(_STEPS):
             here, stiffness = wall_pressure(tube, radius, self.order)
             step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
@@ -204,7 +204,7 @@ class RadiusAtPressure(TubeOp):
     def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
         """Gradient of the exact solution; the last step has none."""
         pressure, _, *rest = inputs
-        tube = Tube.of_inputs(self.strain_energies, rest)
+        tube = LayeredTube.of_inputs(self.strain_energies, rest)
         here, stiffness = wall_pressure(tube, outputs[0], self.order)
         return [(pressure - here, cotangents[0] / stiffness)]
 

@@ -84,7 +84,7 @@ class ReferenceLayer(NamedTuple):
     """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
 
 
-class Tube(NamedTuple):
+class LayeredTube(NamedTuple):
     """An unloaded tube: its layers from the inside out, of which a wall of one material has one."""
 
     layers: list[ReferenceLayer]
@@ -100,7 +100,7 @@ class Tube(NamedTuple):
         return inputs
 
     @classmethod
-    def of_inputs(cls, energies: Sequence[StrainEnergy], inputs: Sequence[Any]) -> "Tube":
+    def of_inputs(cls, energies: Sequence[StrainEnergy], inputs: Sequence[Any]) -> "LayeredTube":
         """Return a tube of these materials with other :attr:`inputs`."""
         geometry, rest = dict(zip(UNLOADED, inputs, strict=False)), inputs[len(UNLOADED) :]
         inner, layers = geometry["inner_radius"], []
@@ -122,7 +122,7 @@ class Tube(NamedTuple):
 
 def tube_of(
     energy: StrainEnergy | Sequence[Layer], reference: Sequence[Any], parameters: Mapping[str, Any]
-) -> Tube:
+) -> LayeredTube:
     """Return the tube of one material or of layers.
 
     `reference` holds the reference tube in the order of GEOMETRY. For layers its outer radius is
@@ -134,7 +134,9 @@ def tube_of(
         check_energy(energy)
         if outer is None:
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")
-        return Tube([ReferenceLayer(energy, inner, outer, energy.split(parameters))], geometry)
+        return LayeredTube(
+            [ReferenceLayer(energy, inner, outer, energy.split(parameters))], geometry
+        )
     check_layers(energy)
     if outer is not None or parameters:
         given = ["outer_radius"] * (outer is not None) + sorted(parameters)
@@ -147,7 +149,7 @@ def tube_of(
         entries = layer.energy.split(layer.parameters)
         layers.append(ReferenceLayer(layer.energy, inner, outer, entries))
         inner = outer
-    return Tube(layers, geometry)
+    return LayeredTube(layers, geometry)
 
 
 def double(value: Any) -> Any:

@@ -16,7 +16,7 @@ from pymc_hyperelastic.mechanics.integrals import (
     wall_material,
     wall_pressure,
 )
-from pymc_hyperelastic.mechanics.layers import ReferenceLayer, Tube
+from pymc_hyperelastic.mechanics.layers import LayeredTube, ReferenceLayer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, measure_of, opening_factor, stretches
 from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
@@ -57,7 +57,7 @@ class WallMeans(NamedTuple):
     axial_stiffness: Array
 
 
-class TubeNumbers(Tube):
+class TubeNumbers(LayeredTube):
     """Tubes of the same laws, whose parameters and geometry are arrays that broadcast.
 
     The last axis is that of the radii or pressures that are asked for. The geometry has the names
@@ -197,7 +197,11 @@ def numeric_curves(
 
 
 def _integrate(
-    integral: Callable, tube: Tube, radius: Any, order: int = WALL_ORDER, mode: str | None = None
+    integral: Callable,
+    tube: LayeredTube,
+    radius: Any,
+    order: int = WALL_ORDER,
+    mode: str | None = None,
 ) -> list[Array]:
     """Integrals over the walls of numeric tubes at internal radii; all arrays broadcast."""
     function = _compiled(integral, tuple(layer.energy for layer in tube.layers), order, mode)
@@ -208,10 +212,10 @@ def _integrate(
 def _compiled(
     integral: Callable, energies: tuple[StrainEnergy, ...], order: int, mode: str | None
 ) -> Any:
-    """Compile an integral over the walls of tubes, for vectors of radii and of `Tube.inputs`."""
+    """Compile an integral over walls, for vectors of radii and of `LayeredTube.inputs`."""
     count = len(UNLOADED) + sum(1 + len(energy.entry_names) for energy in energies)
     radius, *inputs = [pt.dvector() for _ in range(1 + count)]
-    outputs = integral(Tube.of_inputs(energies, inputs), radius, order)
+    outputs = integral(LayeredTube.of_inputs(energies, inputs), radius, order)
     return pytensor.function([radius, *inputs], [*outputs], mode=mode)
 
 

@@ -11,7 +11,7 @@ from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
-from pymc_hyperelastic.mechanics.layers import Tube, tube_of
+from pymc_hyperelastic.mechanics.layers import LayeredTube, tube_of
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.geometry import deviated_tube
@@ -111,7 +111,7 @@ class WallVariables(NamedTuple):
 class CurrentTube(NamedTuple):
     """A tube as it was measured, at each point."""
 
-    tube: Tube
+    tube: LayeredTube
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
     possible: Any
