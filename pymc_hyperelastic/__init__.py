@@ -36,6 +36,7 @@ from pymc_hyperelastic.mechanics.curves import axial_force, inflation_pressure, 
 from pymc_hyperelastic.mechanics.integrals import PressureIntegral
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.reference_tube import Tube
+from pymc_hyperelastic.mechanics.sheet import free_stretch, sheet_stress
 from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
 from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.inflation import (
@@ -93,6 +94,8 @@ __all__ = [
     "inflation_pressure",
     "inflation_stiffness",
     "axial_force",
+    "sheet_stress",
+    "free_stretch",
     "Gaussian",
     "SlopeAugmented",
     "balanced_slope_weight",
