@@ -28,7 +28,7 @@ PATTERNS = {
     ),
     "so many, so much": r"\bso (few|many|much)\b(?! that)",
     "no noun before 'that' or after 'what'": (
-        r"\b(those (of which|by which|that|which)|"
+        r"\b(those (that|which|(of|by) which)|"
         r"what (is|was|has|it|they|there|can|may|could|follows))\b"
     ),
     "two relative clauses with prepositions": f"{RELATIVE}.*{RELATIVE}",
