@@ -57,7 +57,8 @@ def test_plain_sentences_are_not_reported(sentence):
 def test_markdown_is_read_without_code_formulas_tables_and_headings(tmp_path):
     ignored = ["---", HARD, "---", f"# {HARD}", "```", HARD, "```", f"| {HARD} |", "$$", HARD, "$$"]
     read = ["", "A plain sentence is here.", HARD, f"- A short item. {HARD}", f"> {HARD}"]
-    assert found(tmp_path / "page.md", "\n".join([*ignored, *read])) == [13, 15, 15]
+    read += ["", f"**A first part in bold.** {HARD}"]
+    assert found(tmp_path / "page.md", "\n".join([*ignored, *read])) == [13, 15, 15, 18]
     assert found(tmp_path / "page.md", f"$$ x $$\n\n:::{{note}}\n{HARD}\n:::\n") == [4]
 
 

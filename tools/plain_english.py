@@ -38,11 +38,11 @@ PATTERNS = {
     "old-fashioned reference": r"\b(in (its|the|their) place|thereof|wherein|whereof|therein)\b",
 }
 COMPILED = {problem: re.compile(pattern) for problem, pattern in PATTERNS.items()}
-# A sentence ends before a capital letter, a code span or emphasis.
-SENTENCE_END = re.compile(r"(?<=[.:;!?])\s+(?=[A-Z`*])")
+# A sentence ends before a capital letter, a code span or emphasis; its own emphasis may end there.
+SENTENCE_END = re.compile(r"(?:(?<=[.:;!?])|(?<=[.:;!?]\*\*))\s+(?=[A-Z`*])")
 # Words of the shortest sentence and of the shortest string to read: shorter ones are names.
 SENTENCE_WORDS, STRING_WORDS = 4, 5
-BULLET = re.compile(r"([-*+]|\d+\.) +")
+BULLET = re.compile(r"^([-*+]|\d+\.) +")
 # Lines without sentences: in Markdown tables, headings, rules, options and labels; in
 # reStructuredText underlines, directives, options, templates and "name : type".
 NO_MARKDOWN = re.compile(r"[|#:]|---|\([\w-]+\)=$")
