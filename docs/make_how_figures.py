@@ -65,68 +65,80 @@ def wall_at(radius: float, order: int):
     return wall_rule(np, geometry, order=order), ends[0] * (ends[1] / ends[0]) ** place
 
 
-def draw_pressure(data, material) -> None:
-    """Draw the wall integral, and the nodes of both integrators."""
+def response(log_hoop, material):
+    """Return T in kPa, at the axial stretch 1."""
+    law = ph.Ogden()
+    return law.stress_difference(log_hoop, np.zeros_like(log_hoop), **material).eval()
 
-    def response(log_hoop):
-        """T in kPa."""
-        law = ph.Ogden()
-        return law.stress_difference(log_hoop, np.zeros_like(log_hoop), **material).eval()
 
-    radius, measured = data["radius"].values, data["pressure"].values / ph.mmHg
-    figure, (integral, table, curve) = panels(2.6, 2.9, 2.3)
+def draw_integral(ax, radius, material) -> None:
+    """Draw the integrand of one pressure, with the nodes of its quadrature."""
     for order, style in ((200, "C0-"), (WALL_ORDER, "C0o")):
-        rule, place = wall_at(radius[SHOWN[1]], order)
-        delta = (radius[SHOWN[1]] ** 2 - TUBE.inner_radius**2) / place**2
-        values = response(rule.log_hoop) / (1 + delta)
-        integral.plot(place, values, style, markersize=3)
-    integral.fill_between(place, values, color="C0", alpha=0.2)
-    pressure = float(rule.pressure_weight @ response(rule.log_hoop)) / ph.mmHg
-    integral.text(8, values.min() / 2, f"area = pressure = {pressure:.0f} mmHg", ha="center")
-    integral.set_xscale("log")
-    integral.set_xticks([7, 7.5, 8, 8.5, 9], [7, 7.5, 8, 8.5, 9])
-    integral.minorticks_off()
-    integral.set(
+        rule, place = wall_at(radius, order)
+        delta = (radius**2 - TUBE.inner_radius**2) / place**2
+        stress = response(rule.log_hoop, material)
+        ax.plot(place, stress / (1 + delta), style, markersize=3)
+    ax.fill_between(place, stress / (1 + delta), color="C0", alpha=0.2)
+    pressure = float(rule.pressure_weight @ stress) / ph.mmHg
+    ax.text(8, 18, f"area = pressure = {pressure:.0f} mmHg", ha="center")
+    ax.set_xscale("log")
+    ax.set_xticks([7, 7.5, 8, 8.5, 9], [7, 7.5, 8, 8.5, 9])
+    ax.minorticks_off()
+    ax.set(
         title=f"Pointwise: {WALL_ORDER} nodes for each point",
         xlabel="reference radius R in the wall (mm)",
         ylabel="T / (1 + δ)   (kPa)",
         ylim=(0, None),
     )
 
-    priors = {name: pm.Uniform.dist(*ends) for name, ends in PRIOR.items()}
-    forward = ForwardModel(ph.Ogden(), data, priors)
-    integrator = forward.integrator
+
+def draw_nodes(ax, data, integrator, material) -> None:
+    """Draw the response at the nodes of all points, and the walls of some points."""
+    measured = data["pressure"].values / ph.mmHg
     tubes, (group,) = integrator.groups(data)
     nodes = integrator.basis.interpolation(tubes, group).places[0]
     stretch = np.linspace(nodes.min(), nodes.max(), 200)
-    table.plot(np.exp(stretch), response(stretch), "C1-")
-    table.plot(np.exp(nodes), response(nodes), "C1o", markersize=4)
-    low = -0.12 * response(nodes).max()
+    ax.plot(np.exp(stretch), response(stretch, material), "C1-")
+    ax.plot(np.exp(nodes), response(nodes, material), "C1o", markersize=4)
     for i, point in enumerate(SHOWN):
+        low = -30 * (i + 1)
         ends = np.exp([face[point] for face in tubes.log_hoop])
-        table.plot(ends, 2 * [low * (i + 1)], "C0-", lw=4, solid_capstyle="butt")
+        ax.plot(ends, 2 * [low], "C0-", lw=4, solid_capstyle="butt")
         at, side = (ends.max() + 0.005, "left") if i < 2 else (ends.min() - 0.005, "right")
         words = f"wall at {measured[point]:.0f} mmHg"
-        table.text(at, low * (i + 1), words, va="center", ha=side, color="C0")
-    table.set_yticks([0, 100, 200])
-    table.set(
-        title=f"Tabulated: {len(nodes)} nodes for all {len(radius)} points",
+        ax.text(at, low, words, va="center", ha=side, color="C0")
+    ax.set_yticks([0, 100, 200])
+    ax.set(
+        title=f"Tabulated: {len(nodes)} nodes for all {len(measured)} points",
         xlabel="hoop stretch λθ",
         ylabel="response T (kPa)",
     )
 
-    (error,) = forward.errors(data, {name: np.array([x]) for name, x in material.items()})
-    print(f"the integrators differ by {error:.0e} of the largest pressure")
+
+def draw_curve(ax, data, material) -> None:
+    """Draw the curve of the material and the measured points."""
+    radius, measured = data["radius"].values, data["pressure"].values / ph.mmHg
     dense = np.linspace(radius.min(), radius.max(), 60)
     pressure = ph.inflation_pressure(ph.Ogden(), dense, TUBE, **material).eval()
-    curve.plot(dense, pressure / ph.mmHg, "k-")
-    curve.plot(radius, measured, "k.")
-    curve.plot(radius[list(SHOWN)], measured[list(SHOWN)], "C0o")
-    curve.set(
+    ax.plot(dense, pressure / ph.mmHg, "k-")
+    ax.plot(radius, measured, "k.")
+    ax.plot(radius[list(SHOWN)], measured[list(SHOWN)], "C0o")
+    ax.set(
         title="Both give this curve",
         xlabel="internal radius a (mm)",
         ylabel="pressure (mmHg)",
     )
+
+
+def draw_pressure(data, priors, material) -> None:
+    """Draw the wall integral, and the nodes of both integrators."""
+    forward = ForwardModel(ph.Ogden(), data, priors)
+    (error,) = forward.errors(data, {name: np.array([x]) for name, x in material.items()})
+    print(f"the integrators differ by {error:.0e} of the largest pressure")
+    figure, (integral, nodes, curve) = panels(2.6, 2.9, 2.3)
+    draw_integral(integral, data["radius"].values[SHOWN[1]], material)
+    draw_nodes(nodes, data, forward.integrator, material)
+    draw_curve(curve, data, material)
     save(figure, "how_pressure")
 
 
@@ -135,35 +147,38 @@ def natural(points):
     return [a + (b - a) * expit(x) for x, (a, b) in zip(points.T, PRIOR.values(), strict=True)]
 
 
-def draw_evidence(model):
-    """Draw search, importance sampling, tempering and the estimates; return the best material."""
-    rng = np.random.default_rng(SEED)
-    target = Target(model)
-    prior = target.draw_prior(PARTICLES, rng)
-    starts = [*starting_points(prior, np.add(*target.score(prior)))]
-    modes = find_modes(target.derivatives, starts[:2], width_of(prior))
-    figure, (search, importance, tempering, estimates) = panels(2.2, 2.2, 2.2, 1.7)
+def show(ax, points, *style, **settings) -> None:
+    """Draw points on the unconstrained scale."""
+    mu, alpha = natural(points)
+    ax.plot(alpha, mu, *style, **settings)
 
-    mu, alpha = natural(prior)
-    search.plot(alpha, mu, ".", color="0.6", ms=3, label="draws of the prior")
-    mu, alpha = natural(np.concatenate(starts[:2]))
-    search.plot(alpha, mu, "C0x", label="starting points")
-    mu, alpha = natural(modes.mixture.means)
-    search.plot(alpha, mu, "C3*", ms=11, label="modes")
-    search.set(title="1  Search: optimise from far starting points")
-    best = {"mu": float(mu[0]), "alpha": float(abs(alpha[0]))}
 
-    points, log_weights = weighted_draws(
-        target.score, modes.mixture.heavy_tailed(), 8000, rng, target.draw_prior
-    )
-    by_draws, pareto_k = mean_weight(log_weights)
+def draw_search(ax, target, prior):
+    """Find the modes, and draw them with the starting points."""
+    starts = [*starting_points(prior, np.add(*target.score(prior)))][:2]
+    modes = find_modes(target.derivatives, starts, width_of(prior)).mixture
+    show(ax, prior, ".", color="0.6", ms=3, label="draws of the prior")
+    show(ax, np.concatenate(starts), "C0x", label="starting points")
+    show(ax, modes.means, "C3*", ms=11, label="modes")
+    ax.set(title="1  Search: optimise from far starting points")
+    return modes
+
+
+def draw_weights(ax, target, modes, rng):
+    """Draw fresh draws of the proposal, larger if they have more weight; return the evidence."""
+    proposal = modes.heavy_tailed()
+    points, log_weights = weighted_draws(target.score, proposal, 8000, rng, target.draw_prior)
+    evidence, _ = mean_weight(log_weights)
     shown = rng.choice(len(points), PARTICLES, replace=False)
     mu, alpha = natural(points[shown])
     size = 12 * np.exp(log_weights[shown] - log_weights.max())
-    importance.scatter(alpha, mu, s=np.maximum(size, 1.5), color="C0", lw=0)
-    importance.set(title="2  Importance sampling: weigh fresh draws")
-    print(f"Pareto shape {pareto_k:.2f}")
+    ax.scatter(alpha, mu, s=np.maximum(size, 1.5), color="C0", lw=0)
+    ax.set(title="2  Importance sampling: weigh fresh draws")
+    return evidence
 
+
+def draw_stages(ax, target, prior, rng):
+    """Temper particles from the prior, draw three of the stages, and return the evidence."""
     smc = TemperedSMC(GeometricPath(target), prior, rng)
     stages = [(0.0, smc.particles)]
     while smc.beta < 1:
@@ -174,39 +189,48 @@ def draw_evidence(model):
         stages.append((smc.beta, smc.particles))
     for color, stage in zip(("0.6", "C1", "C3"), (0, len(stages) // 2, -1), strict=True):
         beta, particles = stages[stage]
-        mu, alpha = natural(particles)
-        tempering.plot(alpha, mu, ".", color=color, ms=3, label=f"β = {beta:.2g}")
-    tempering.set(title=f"3  SMC: from prior to posterior in {smc.stages} stages")
-    for ax in (search, importance, tempering):
-        ax.set(xlim=PRIOR["alpha"], ylim=PRIOR["mu"], xlabel="α", ylabel="μ (kPa)")
-    for ax in (search, tempering):
-        ax.legend(loc="lower center", handlelength=0.8, borderpad=0.3, framealpha=0.9)
+        show(ax, particles, ".", color=color, ms=3, label=f"β = {beta:.2g}")
+    ax.set(title=f"3  SMC: from prior to posterior in {smc.stages} stages")
+    return ph.Estimate(smc.log_evidence, np.sqrt(smc.variance))
 
-    exact = ph.log_evidence_by_quadrature(model)
+
+def draw_estimates(ax, model, rows) -> None:
+    """Draw evidences by their names, that of `sample_smc`, and the exact one."""
     tree = ph.sample_smc(model, draws=PARTICLES, random_seed=SEED, progressbar=False)
-    rows = {
-        "step 2": by_draws,
-        "step 3": ph.Estimate(smc.log_evidence, np.sqrt(smc.variance)),
-        "sample_smc": ph.log_evidence(tree),
-    }
+    rows = rows | {"sample_smc": ph.log_evidence(tree)}
     for row, (value, error) in enumerate(rows.values()):
-        estimates.errorbar(value, row, xerr=2 * error, fmt="ko", capsize=3)
-    estimates.axvline(float(exact), color="C3", lw=1)
-    estimates.set_yticks(range(3), list(rows))
-    estimates.set(
+        ax.errorbar(value, row, xerr=2 * error, fmt="ko", capsize=3)
+    ax.axvline(float(ph.log_evidence_by_quadrature(model)), color="C3", lw=1)
+    ax.set_yticks(range(3), list(rows))
+    ax.set(
         ylim=(2.6, -0.6),
         xlabel="log evidence (nats); line: exact value",
         title=f'4  Evidence ± 2 errors: "{tree["diagnosis"].attrs["verdict"]}"',
     )
-    estimates.locator_params(axis="x", nbins=4)
+    ax.locator_params(axis="x", nbins=4)
+
+
+def draw_evidence(model):
+    """Draw the three steps and their results; return the material of the mode with α > 0."""
+    rng, target = np.random.default_rng(SEED), Target(model)
+    prior = target.draw_prior(PARTICLES, rng)
+    figure, axes = panels(2.2, 2.2, 2.2, 1.7)
+    modes = draw_search(axes[0], target, prior)
+    rows = {"step 2": draw_weights(axes[1], target, modes, rng)}
+    rows["step 3"] = draw_stages(axes[2], target, prior, rng)
+    draw_estimates(axes[3], model, rows)
+    for ax in axes[:3]:
+        ax.set(xlim=PRIOR["alpha"], ylim=PRIOR["mu"], xlabel="α", ylabel="μ (kPa)")
+    for ax in (axes[0], axes[2]):
+        ax.legend(loc="lower center", handlelength=0.8, borderpad=0.3, framealpha=0.9)
     save(figure, "how_evidence")
-    return best
+    mu, alpha = natural(modes.means)
+    return {"mu": float(mu[0]), "alpha": float(abs(alpha[0]))}
 
 
 if __name__ == "__main__":
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
     priors = {name: pm.Uniform.dist(*ends) for name, ends in PRIOR.items()}
-    model = ph.inflation_model(ph.Ogden(), data, ph.Gaussian(5 * ph.mmHg), priors=priors)
-    material = draw_evidence(model)
-    print(material)
-    draw_pressure(data, material)
+    likelihood = ph.Gaussian(5 * ph.mmHg)
+    material = draw_evidence(ph.inflation_model(ph.Ogden(), data, likelihood, priors=priors))
+    draw_pressure(data, priors, material)
