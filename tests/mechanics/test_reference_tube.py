@@ -1,6 +1,6 @@
 """A tube may be stated in many ways; each of them gives the radii and the angle of the sector.
 
-``tests/data/test_geometry.py`` has the tubes that columns of a table state.
+``tests/data/test_tube_statements.py`` tests tubes that columns of a table state.
 """
 
 from dataclasses import FrozenInstanceError, replace
