@@ -1,4 +1,4 @@
-"""Impossible models: the error names the place and the value, and says how to correct it."""
+"""Wrong input of models: the error names the place and the value, and says how to correct it."""
 
 import numpy as np
 import pandas as pd
@@ -188,5 +188,5 @@ ROWS = [(TypeError, *row) for row in TYPE_ERRORS] + [(ValueError, *row) for row 
 
 
 @pytest.mark.parametrize(("error", "call", "fragments"), ROWS, ids=[row[2][:40] for row in ROWS])
-def test_bad_input_is_refused(error, call, fragments):
+def test_wrong_input_of_models_is_refused_with_place_and_remedy(error, call, fragments):
     assert_refused(call, error, fragments.split("|"))
