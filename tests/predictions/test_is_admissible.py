@@ -32,7 +32,7 @@ def test_negative_modulus_is_not_admissible():
     )
 
 
-def test_softening_breaks_the_rise_of_pressure_alone():
+def test_softening_tube_violates_rising_pressure_but_not_baker_ericksen():
     top, _ = maximum_of_softening()
     softening = {"energy": ph.PowerLawNeoHookean(), "tube": TUBE}
     found = ph.is_admissible(one_draw(SOFTENING), np.linspace(7, 1.1 * top, 50), **softening)
@@ -72,7 +72,7 @@ def test_anisotropic_laws_have_no_baker_ericksen_variable():
     assert "Baker" not in found.attrs["summary"]
 
 
-def test_default_radii_are_the_range_of_the_data():
+def test_default_radii_cover_the_range_of_the_data():
     tree = fitted_tree(mu=[20.0, 30.0])
     radius = tree["constant_data"]["radius"]
     expected = f"From {radius.min():g} to {radius.max():g} mm"
