@@ -130,7 +130,7 @@ def test_true_model_of_the_simulated_aortas_finds_the_group_of_a_specimen(tmp_pa
 
 
 @pytest.mark.parametrize("study", sorted(ELSEWHERE))
-def test_study_without_its_data_names_the_tables_and_their_place(study, tmp_path, monkeypatch):
+def test_study_without_its_data_is_refused_with_the_missing_tables(study, tmp_path, monkeypatch):
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(EXAMPLES)
