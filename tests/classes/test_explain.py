@@ -99,7 +99,7 @@ def test_unreliable_mixed_evidence_is_nan_unless_a_second_sample_is_reliable():
     assert np.isfinite(hybrid_evidences([bad, good], *settings)).all()
 
 
-def test_the_rival_is_the_most_probable_other_class():
+def test_rival_is_the_most_probable_other_class():
     values = np.array([-3.0, -4.0, -3.5])
     for prior, rivals in (((0.4, 0.3, 0.3), [2, 0, 0]), ((0.3, 0.6, 0.1), [1, 0, 0])):
         assert rivals_of(values + np.log(prior)) == rivals

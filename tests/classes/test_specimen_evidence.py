@@ -67,7 +67,7 @@ def test_using_a_subset_of_equal_draws_hardly_increases_the_error():
     assert abs(found.log_evidence.value - np.log(by_class.mean())) < STANDARD_ERRORS * error
 
 
-def test_an_evidence_states_its_method_and_the_larger_pareto_shape():
+def test_evidence_states_its_method_and_the_larger_pareto_shape():
     draws = known_specimen(np.random.default_rng(SEED), 0.0, 1.0)
     of_class = normal_classes([0.0], 0.9)
     alone = specimen_evidence(draws, of_class)

@@ -124,7 +124,7 @@ def test_interrupted_fit_exits_with_130_and_keeps_the_old_result(
 # Some draws of these small classes have walls that cannot bear the pressure.
 @pytest.mark.filterwarnings("ignore:.*of its specimens have no")
 @pytest.mark.deep
-def test_compare_reports_differences_of_groups(run, table, tmp_path):
+def test_compare_command_stores_and_reports_differences_of_groups(run, table, tmp_path):
     """By default specimens of a class differ, and the noise is inferred."""
     study = tmp_path / "study"
     run("fit", table, "--draws", "500", "--chains", "1", "--quiet", "--out", study)

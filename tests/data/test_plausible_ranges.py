@@ -108,7 +108,9 @@ ENDS = [
 ]
 
 
-@pytest.mark.parametrize("name, end, of_size", ENDS)
+@pytest.mark.parametrize(
+    "name, end, of_size", ENDS, ids=[f"{name} at {end:g}" for name, end, _ in ENDS]
+)
 def test_sizes_warn_only_beyond_the_ends_of_their_plausible_range(name, end, of_size):
     outward = {PLAUSIBLE[name].low: -1, PLAUSIBLE[name].high: 1}[end]
     of_size(end - outward * MARGIN * abs(end))

@@ -238,7 +238,7 @@ def test_problems_of_all_experiments_are_reported_in_one_message(written):
     assert lines[4].endswith(" (and so is 1 other)")
 
 
-def test_message_has_at_most_twenty_problems(written):
+def test_message_lists_at_most_twenty_problems(written):
     rows = [f"S1,1,{7 + i / 100},x{i}\n" for i in range(22)]
     lines = message_of(written, f"{HEAD}\n{''.join(rows[:20])}").splitlines()
     assert lines[0] == "20 problems:" and len(lines) == 21 and "x19" in lines[-1]

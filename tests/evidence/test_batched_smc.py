@@ -89,7 +89,7 @@ def test_pymc_sample_smc_accepts_the_kernel():
     assert checks == {"chains", "moves", "ancestors"}
 
 
-def test_threshold_is_the_effective_fraction_of_the_first_stage():
+def test_threshold_sets_the_effective_fraction_of_the_first_stage():
     for settings, expected in (({"threshold": 0.3}, 0.3), ({}, 0.5)):
         model = PROBLEMS["regression"].model
         kernel = ph.BatchedSMC(500, model=model, from_modes=False, **settings)

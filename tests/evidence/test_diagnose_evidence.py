@@ -56,7 +56,7 @@ def chains_of_spread(sd):
     return -10 + values * sd / values.std(ddof=1)
 
 
-def test_result_without_faults_is_good():
+def test_result_that_passes_all_checks_is_called_good():
     diagnosis = ph.diagnose_evidence(result(forward=-10.5, forward_se=0.1, curve_error=1e-8))
     assert diagnosis.attrs == {"verdict": GOOD, "words": "nothing is against it"}
     names = ["chains", "R-hat", "moves", "ancestors", "weights", "prior's side", "curves"]

@@ -216,7 +216,9 @@ def assert_integral(target, exact, seeds=4):
 
 
 @pytest.mark.parametrize(
-    "errors", [linear, sharing(2.0, 0.02), *deep([sharing(0.3, 0.02), sharing(8.0, 0.5)])]
+    "errors",
+    [linear, sharing(2.0, 0.02), *deep([sharing(0.3, 0.02), sharing(8.0, 0.5)])],
+    ids=["normal", "load 2", "load 0.3", "load 8"],
 )
 def test_integral_of_a_normal_or_bent_posterior_equals_a_sum_over_a_grid(errors):
     assert_integral(SquaredErrors(errors, 2), integral_over_two(errors))

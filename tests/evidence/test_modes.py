@@ -132,6 +132,7 @@ def normal_modes(shares, centres, covariances):
         ([0.002, 0.998], [[-3.0, 2.0], [4.0, 1.0]], [0.09 * np.eye(2), 1e-4 * np.eye(2)]),
         ([1.0], [[0.3, -0.2]], [1e-12 * np.eye(2)]),
     ],
+    ids=["correlated mode", "modes of different mass", "very narrow mode"],
 )
 def test_modes_of_normal_densities_have_exact_means_covariances_and_masses(
     shares, centres, covariances

@@ -79,7 +79,7 @@ def test_evidence_group_summarises_the_stages(tree):
     assert checks <= set(tree["diagnosis"]["check"].values)
 
 
-def test_variables_are_stored_on_both_scales(tree):
+def test_variables_are_stored_constrained_and_unconstrained(tree):
     posterior, unconstrained = tree["posterior"], tree["unconstrained_posterior"]
     np.testing.assert_allclose(np.log(posterior["scale"]), unconstrained["scale_log__"])
     np.testing.assert_array_equal(posterior["slope"].values, unconstrained["slope"].values)

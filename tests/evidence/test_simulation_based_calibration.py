@@ -179,7 +179,7 @@ def unlike(**changes):
         (conjugate(), {"ranked_draws": 0}, "ranked_draws is 0"),
     ],
 )
-def test_wrong_input_is_refused(model, settings, message):
+def test_wrong_input_of_calibration_is_refused(model, settings, message):
     with pytest.raises((TypeError, ValueError), match=message), np.errstate(invalid="ignore"):
         calibrate(model, **settings)
 

@@ -133,7 +133,7 @@ def test_folder_of_other_files_or_damaged_manifest_is_refused(tmp_path):
             store.remember(name, RESULT.copy)
 
 
-def test_differences_of_manifests_are_named():
+def test_differences_between_manifests_are_listed_by_entry():
     there = {"layers": [{"fingerprint": [1]}], "classes": [{"A": {"sha256": "0"}, "B": 1}]}
     here = {"layers": [{"fingerprint": [2]}], "classes": [{"A": {"sha256": "1"}, "B": 1}]}
     assert differences(there, there) == []

@@ -41,7 +41,7 @@ def test_deformed_wall_keeps_its_volume(state):
     np.testing.assert_allclose(closed, 2 * np.pi, rtol=ROUNDING)
 
 
-def test_stretches_are_the_slopes_of_the_wall_map(state):
+def test_radial_stretch_is_the_derivative_of_the_deformed_radius(state):
     """The product of the stretches is one; the hoop elongation follows from the hoop stretch."""
     internal_radius, geometry = state
     radial, hoop, axial = tube.stretches(WALL, internal_radius, **geometry)

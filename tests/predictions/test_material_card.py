@@ -385,7 +385,7 @@ NEAREST = {
 
 
 @pytest.mark.parametrize(("c1", "c2", "c3", "expected"), NEAREST.values(), ids=NEAREST)
-def test_rounding_errors_do_not_choose_the_draw(c1, c2, c3, expected):
+def test_chosen_draw_does_not_depend_on_rounding_errors(c1, c2, c3, expected):
     """Relative errors of 1e-14 in the draws do not change which draw the card holds."""
     draws, rng = np.array([c1, c2, c3]), np.random.default_rng(SEED)
     for error in [0.0] + [1e-14] * 20:

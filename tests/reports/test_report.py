@@ -42,7 +42,7 @@ def page(tmp_path_factory):
     return Page(ph.report(results, folder / "report.html", {"Third": THIRD}, at=in_mmhg))
 
 
-def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
+def test_chapters_are_in_order_and_the_page_loads_no_resources(page):
     assert_sound(page)
     links = [a["href"] for tag, a in page.elements if tag == "a"]
     assert links[1:] == [f"#{name}" for name in ANCHORS]
