@@ -34,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="module")
 def classes() -> xr.DataTree:
-    """Return fitted classes of neo-Hookean specimens; tests do not change them."""
+    """Return fitted classes of neo-Hookean specimens, which tests must not change."""
     return fits.fit("neo_hookean_classes")
 
 
@@ -62,7 +62,7 @@ def _is_plain(val: object) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let docstring examples fit laws and classes that do not follow their data."""
+    """Ignore warnings of doubtful fits in docstring examples, whose laws may not fit their data."""
     for item in items:
         if isinstance(item, pytest.DoctestItem):
             item.add_marker(pytest.mark.filterwarnings("ignore:.*the fit is doubtful"))

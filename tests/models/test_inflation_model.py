@@ -10,7 +10,7 @@ import pandas as pd
 import pymc as pm
 import pytest
 import xarray as xr
-from bad_input import curves, unknown_curves
+from bad_input import curves
 from problems import AS_WRITTEN
 
 import pymc_hyperelastic as ph
@@ -101,7 +101,7 @@ def test_prior_restricted_to_rising_pressures_integrates_to_one():
 def test_log_densities_of_two_tubes_in_one_model_add_up():
     """Different data and laws, dimensions included; a context without a prefix works as well."""
     short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
-    forces = unknown_curves([30.0, np.nan, 40.0, 50.0])
+    forces = curves(forces=[30.0, np.nan, 40.0, 50.0])
     with_forces = ph.Gaussian(0.5, force_sd=3.0, observed=True)
     with pm.Model() as own:
         x = pm.Normal("x")
@@ -129,7 +129,7 @@ def test_parameters_noise_and_geometry_can_be_variables_of_the_own_model():
         priors = {"mu": pm.math.exp(log_mu), "alpha": alpha, "inner_radius": radius}
         part = ph.inflation_model(OGDEN, curves(), sd, priors=priors, mode="quadrature")
         layers = [ph.Layer(ph.Demiray(), 1.0, b=alpha), ph.Layer(ph.Demiray(), 1.0, b=alpha)]
-        thick = unknown_curves(outer_radius=None)
+        thick = curves(outer_radius=None)
         ph.inflation_model(layers, thick, NOISE, name="wall", mode="quadrature")
     names = ["log_mu", "alpha", "sd", "unloaded", "wall::mu_1", "wall::mu_2"]
     assert [rv.name for rv in own.free_RVs] == names and not list(part.free_RVs)

@@ -15,7 +15,6 @@ from bad_input import (
     fit,
     model,
     potential,
-    unknown_curves,
     with_nan,
 )
 
@@ -24,7 +23,7 @@ import pymc_hyperelastic as ph
 SERIES = ph.OgdenSeries(terms=2)
 NEO_HOOKEAN = ph.Layer(ph.NeoHookean(), 1.0)
 RADIUS, HALF = pm.Uniform.dist(6, 7), pm.HalfNormal.dist()
-TWICE, THICK = (RADIUS, HALF) * 2, unknown_curves(outer_radius=None)
+TWICE, THICK = (RADIUS, HALF) * 2, curves(outer_radius=None)
 SLOPED, PLAIN = ph.SlopeAugmented, ph.Gaussian
 EXTENDED = shared_errors.EXTENDED
 
@@ -39,7 +38,7 @@ def unknown(data=None, **priors):
 
 def layers(*walls, data=None, **settings):
     """A model of layers, by default of two that are neo-Hookean."""
-    data = unknown_curves(outer_radius=None) if data is None else data
+    data = curves(outer_radius=None) if data is None else data
     return model(data, energy=list(walls or (NEO_HOOKEAN, NEO_HOOKEAN)), **settings)
 
 
@@ -138,7 +137,7 @@ VALUE_ERRORS = [
     (lambda: potential(name="mu"), "mu|already"),
     (lambda: potential({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
-    (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|priors={{'inner_radius': ...}}"),
+    (lambda: model(curves(inner_radius=None)), f"{PLACE}|priors={{'inner_radius': ...}}"),
     (lambda: potential(VALUES | {"thickness": 2.0}), "holds 'thickness'|'outer_radius'"),
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
