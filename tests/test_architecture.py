@@ -61,7 +61,7 @@ def imports(path: Path) -> set[tuple[str, ...]]:
 
 
 def imports_within(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
-    """Return pairs of importing and imported modules of a folder; a name that is none is ""."""
+    """Return pairs of importing and imported modules of a folder; "" stands for other names."""
     known = inside(folder)
     found = set()
     for name in known:
@@ -102,7 +102,7 @@ def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
     assert_upward(mapped_rooms(wing), imports_within(PACKAGE / wing, (wing,)))
 
 
-# Modules that integrate over a wall; others ask the forward model, or for an integral by its name.
+# Modules that integrate over a wall; other modules use the forward model or a named integral.
 INTEGRATORS = {
     "mechanics": {"collocation", "selected_nodes", "wall"},
     "models/forward": {

@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 LAWS = ("PowerLawNeoHookean", "Ogden", "CriscioneType")
 # No cell has a time limit, and a slow computer may take long to start a kernel and to print.
 LIMITS = {"timeout": None, "startup_timeout": 3600, "iopub_timeout": 600}
-# Examples that need no table from elsewhere, and replacements of lines that take less time.
+# Examples that need no external table, and replacements of lines that shorten them.
 SMALL = {
     "classify_csv": {},
     "pulmonary_hypertension": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},

@@ -18,7 +18,7 @@ QUIET = {"progressbar": False, "random_seed": 3}
 STANDARD_ERRORS = 3
 # Errors of medians of some 500 draws, as shares of the standard deviation: four standard errors.
 MEDIAN_ERROR = 4 * 1.25 / np.sqrt(500)
-# Differences that rounding in another order of sums may make.
+# Relative differences between sums of the same terms in another order.
 ROUNDING = 1e-6
 STUDY = ph.load_dataset("simulated_sheep_aorta")
 
@@ -50,7 +50,7 @@ def test_evidence_of_a_specimen_equals_quadrature(fitted):
     exact = ph.log_evidence_by_quadrature(ph.inflation_model(ph.Ogden(), one, LIKELIHOOD))
     evidence = fitted["evidence"].sel(specimen="S4")
     error = np.hypot(evidence["log_evidence_se"].item(), exact.standard_error)
-    # The errors of interpolated curves make less than 0.001 nats.
+    # Errors of interpolated curves change the evidence by less than 0.001 nats.
     assert abs(evidence["log_evidence"].item() - exact.value) < STANDARD_ERRORS * error + 1e-3
     assert evidence["error"].item() == ""
     assert evidence["log_evidence_se"].item() < 0.05
@@ -122,7 +122,7 @@ def test_representatives_include_the_extremes_of_a_large_cohort():
     assert representatives(STUDY) is STUDY
     data = cohort(150)
     pressure, test = data["pressure"].values, data["test"].values
-    # The evenly spread tests hold neither of these two.
+    # The evenly spaced tests do not include tests 4 and 7.
     pressure[test == 4] *= 100.0
     pressure[test == 7] -= 1000.0
     found = representatives(data)

@@ -46,7 +46,7 @@ def test_first_of_equally_probable_classes_is_chosen_despite_rounding(error):
 
 @either_way
 def test_order_of_equal_decisions_and_designs_does_not_depend_on_rounding(error):
-    """Decisions in a report, designs, and simulated specimens, one of which is of either class."""
+    """Checked are decisions in a report, designs, and classes of simulated specimens."""
     p = 0.5 + error * np.arange(300)[::-1, None] * [1, -1]
     table = xr.Dataset({"class_probability": (DIMS, p)}, {"specimen": range(300)})
     table = table.assign(decision=("specimen", ["a"] * 300)).assign_coords(class_label=["a", "b"])
@@ -88,7 +88,7 @@ def test_planned_radius_equal_to_the_unloaded_radius_gives_nan():
 
 
 def test_sign_of_eigenvectors_does_not_change_a_p_value(monkeypatch):
-    """Libraries of linear algebra return either sign."""
+    """The sign of eigenvectors depends on the linear algebra library."""
     normal, eigh, found = np.random.default_rng(1).standard_normal((3, 2, 400)), np.linalg.eigh, []
     for signs in ([1, 1], [1, -1]):
         monkeypatch.setattr(np.linalg, "eigh", lambda a, s=signs: (eigh(a)[0], eigh(a)[1] * s))
@@ -98,7 +98,7 @@ def test_sign_of_eigenvectors_does_not_change_a_p_value(monkeypatch):
 
 
 def test_first_of_equally_disagreeing_unknowns_is_named():
-    """Chains that disagree in an unknown disagree as much in its negative."""
+    """The second unknown is the negative of the first one and disagrees as much."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
         x = rng.normal([[0.0], [1.0]], 1.0, (2, 100))
@@ -142,7 +142,7 @@ def test_lengths_equal_up_to_rounding_of_units_agree():
 
 @either_way
 def test_stretches_equal_up_to_rounding_belong_to_one_tube(error):
-    """Two such stretches belong to one tube, and to one point of the hull of all stretches."""
+    """The two stretches define one tube, and one point of the hull of all stretches."""
     stretch = np.array([1.2, 1.2 + error])
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=[1, 2])
     data = data.assign(axial_stretch=("test", stretch))

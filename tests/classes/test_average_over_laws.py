@@ -101,7 +101,7 @@ def test_infinite_evidence_error_of_one_law_makes_every_averaged_error_infinite(
 
 
 def test_parts_of_the_log_ratio_follow_from_averaged_evidences():
-    """One law has two parts, the other one of these: the second part leaves it unchanged."""
+    """One law has two parts; the other law has only the first part."""
 
     def of_class(own):
         tables = {0: np.array([[-3.0, -4.5], [-3.5, -5.0]]), 1: np.array([-4.0, -3.5])}
@@ -153,7 +153,7 @@ def test_nan_parts_of_a_law_of_negligible_probability_are_ignored():
 
 
 def test_labels_distinguish_laws_of_the_same_name():
-    """By the settings of the law, the experiment effect, and otherwise by a number."""
+    """Labels add the settings of the law, the experiment effect, or otherwise a number."""
     layers = [ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)]
     kind_of = partial(HierarchicalClass.of_settings, likelihood=1.0)
     effect = ph.Variability(experiment_effect=True)

@@ -91,7 +91,7 @@ def test_reference_spread_adds_the_location_sd_and_twice_the_median_spread():
 
 
 def test_draws_of_a_class_are_read_from_its_posterior_and_invalid_draws_refused():
-    """A class of two coordinates and an inferred standard deviation; unsound draws are refused."""
+    """The class has two coordinates and an inferred standard deviation."""
     rng, dims = np.random.default_rng(SEED), ("chain", "draw", "coordinate", "coordinate_2")
     values = {
         "location": rng.standard_normal((3, 40, 2)),

@@ -1,4 +1,4 @@
-"""Bad input of fit_classes, classify and kl_divergence: one error, before sampling."""
+"""Wrong input of fit_classes, classify and kl_divergence raises one error before sampling."""
 
 import json
 from dataclasses import asdict

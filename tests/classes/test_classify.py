@@ -47,7 +47,7 @@ def test_experiments_share_one_material_if_classified_by_specimen(classes):
 
 
 def test_evidence_by_each_sampling_method_equals_quadrature(classes, monkeypatch):
-    """A short experiment near the first class: draws of the second, far from it, are of no use."""
+    """A short experiment near the first class has no useful draws from the second class."""
     one = ph.select(fits.training()["C1"], specimen="S1", experiment=1)
     one = one.isel(obs=slice(3, None, 5))
     rng = np.random.default_rng(SEED)
@@ -97,7 +97,7 @@ def test_errors_of_probabilities_are_propagated_from_errors_of_evidences():
 
 
 def decided(undecided_below=0.0, none_below=0.0, **changes):
-    """Decision where the first class is the more probable one, with something changed."""
+    """Return the decision for a result with two classes, some of whose values are changed."""
     values = {
         "log_evidence": [0.0, -5.0],
         "log_evidence_se": [0.01, 0.01],

@@ -1,4 +1,4 @@
-"""With a store, in batches and in any process, `classify` gives the same as without."""
+"""`classify` gives the same result with and without a store, in batches of any size."""
 
 import warnings
 
@@ -15,7 +15,7 @@ from pymc_hyperelastic.classes import classification
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data import representatives
 
-# Differences that rounding in another order of sums may make.
+# Relative differences between sums of the same terms in another order.
 ROUNDING = 1e-6
 STUDY = ph.load_dataset("simulated_sheep_aorta")
 
@@ -66,7 +66,7 @@ def test_failures_and_warnings_are_the_same_with_and_without_a_store(tmp_path, m
     assert said[1].startswith("2 of 4 cannot be judged") and len(said) == 2
     for name, size in (("one", 1), ("three", 3)):
         store = ph.Store(tmp_path / name, cores=1, batch_size=size)
-        for times in (1, 0):  # the second call computes nothing, and says the same
+        for times in (1, 0):  # the second call computes nothing and repeats the warnings
             batches.clear()
             found, repeated = caught(lambda s=store: classify(new, classes, store=s))
             xr.testing.assert_equal(found, expected.astype(found.dtypes))

@@ -187,7 +187,7 @@ def test_properties_equal_tube_properties_and_burst_tubes_are_counted(classes):
 
 @pytest.fixture
 def joint_models(monkeypatch):
-    """Give joint models evidences by hand, as test_joint compares evidences with closed forms."""
+    """Give joint models fixed evidences; test_joint compares evidences with closed forms."""
     real, seen = Joint.fit, []
 
     def fitted(joint, units, *args):
@@ -266,10 +266,10 @@ def test_difference_between_paired_specimens_equals_closed_form(classes, scale, 
     found = found.sel(statistic="typical")
     check_difference(found, of_pairs(scale, *SPECIMENS, [], Apart(3.0, 1.0)))
     assert joint_models == [(each, {"pairs": ["1", "2", "3"]}) for each in (Apart(1, 0.5), None)]
-    # A modulus that rises makes the strain of reference fall.
+    # The reference strain falls if the modulus rises.
     assert found["probability_of_rise"] < 0.02
     assert found["share_rising"] < 0.2
-    # Three changes say little of their spread, whose prior has a median of some 0.3.
+    # Three changes hardly determine their spread, whose prior has a median of about 0.3.
     changes = SPECIMENS[0][3:] - SPECIMENS[0][:3]
     assert np.std(changes) < found["spread_of_change"] < 0.3
     assert found["effect_size_of_change"] < found["effect_size"] < 0

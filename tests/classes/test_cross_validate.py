@@ -1,4 +1,4 @@
-"""Specimens that are left out of their classes, and classified by the others."""
+"""Cross-validation: each specimen is left out of its class and classified by the others."""
 
 import json
 
@@ -34,7 +34,7 @@ def report_of(energy=None, groups=SMALL, **settings):
 
 
 def report_of_pooled():
-    """Names that are numbers, in the data and in `leave_out`, are text in the report."""
+    """Return a report; names that are numbers in data and `leave_out` are text in the report."""
     numbered = {k: v.assign_coords(specimen=v["specimen"].astype(int)) for k, v in FEW.items()}
     settings = {"variability": None, "draws": POOLED_DRAWS}
     return report_of(None, numbered, leave_out=PAIRS, **settings)
@@ -77,7 +77,7 @@ def test_laws_are_weighted_by_the_evidence_of_the_remaining_specimens(report):
     np.testing.assert_allclose(weights.sum(axis=0), 1)
     assert np.isnan(laws.sel(strain_energy="average")).all()
     np.testing.assert_array_equal(weights[:, :3], weights[:, 3:])
-    # The probabilities of two laws have the same error, at most that of a coin.
+    # The probabilities of two laws have the same error, which is at most 0.5.
     errors = report["strain_energy_probability_se"].values
     np.testing.assert_allclose(errors[0], errors[1], atol=ROUNDING)
     assert np.all((errors[:2] > 0) & (errors[:2] < 0.5)) and np.isnan(errors[2]).all()

@@ -85,7 +85,7 @@ def test_mixed_evidence_equals_the_density_of_a_mixed_distribution():
     ends = tuple(specimen_evidence(draws, d).log_evidence.value for d in (own, other))
     values = hybrid_evidences([draws], own, other, tuple(PARTS), ends)
     np.testing.assert_allclose(values[0, 1, 1], expected, atol=ROUNDING)
-    # A better known evidence of one class shifts mixed evidences by its share.
+    # A more accurate evidence of one class shifts mixed evidences by a third of the change.
     moved = hybrid_evidences([draws], own, other, tuple(PARTS), (ends[0] + 0.3, ends[1]))
     np.testing.assert_allclose(moved[0, 1, 1], expected + 0.1, atol=ROUNDING)
 

@@ -1,4 +1,4 @@
-"""Classes whose specimens differ: evidence, posterior and predictions, against brute force."""
+"""Classes whose specimens differ: evidence, posterior and predictions, against sums over grids."""
 
 from contextlib import nullcontext
 
@@ -19,7 +19,7 @@ from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 STANDARD_ERRORS = 3
 # Nats.
 EVIDENCE_TOLERANCE = 0.1
-# Location and logarithm of the spread, over all that matters.
+# Grids of the location and of the logarithm of the spread, where the density is relevant.
 LOCATION = np.linspace(np.log(0.2) - 4.0, np.log(0.2) + 3.0, 141)
 LOG_SPREAD = np.linspace(np.log(0.4) - 4.0, np.log(0.4) + 4.0, 121)
 
@@ -88,7 +88,7 @@ def test_evidence_and_posterior_of_a_class_equal_sums_over_grids(classes, exact,
 
 
 def test_evidence_of_a_new_specimen_is_the_ratio_of_two_integrals(by_specimen, exact, new_data):
-    """With the specimen and without it; its tests share one material."""
+    """The integrals are taken with and without the specimen; its tests share one material."""
     tables = log_marginals(new_data)
     assert by_specimen["specimen"].values.tolist() == ["N1", "N2"]
     assert by_specimen["decision"].values.tolist() == ["soft", "stiff"]

@@ -71,7 +71,7 @@ def test_contrasts_of_any_two_groups_have_a_distance_of_one():
 
 
 def test_joint_fit_of_pairs_equals_a_sum_over_spreads():
-    """Animals differ far more than each of them changes; one half is measured less well."""
+    """Animals differ more than they change; the second value of a pair has larger errors."""
     rng = np.random.default_rng(SEED)
     animals = rng.normal(MEAN, 0.6, 6)
     change = 0.25 + rng.normal(0, 0.1, 6)

@@ -41,7 +41,7 @@ def normal_factor(rng, size):
 
 
 def dense_density(x, location, spread, factor, within=None, effect=None):
-    """Log density of each draw: a normal one, summed over how much experiments differ."""
+    """Return the log density of each draw: normal, and summed over the experiment effect."""
     tests, root = x.shape[1], np.diag(spread) @ factor
     between = np.kron(np.ones((tests, tests)), root @ root.T)
     mean, rows = np.tile(location, tests), x.reshape(len(x), -1)

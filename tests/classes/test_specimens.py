@@ -23,7 +23,7 @@ from pymc_hyperelastic.models.specimen_draws import log_densities, log_density
 
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
-# Nats: five nodes over how much experiments differ.
+# Nats: error of the quadrature over the experiment effect with five nodes.
 QUADRATURE_TOLERANCE = 0.01
 # Nats: draws with an error below the first number are precise, above the second they are too few.
 PRECISE, ENOUGH = 0.02, 0.1
@@ -41,7 +41,7 @@ def log_evidence_of(draws, distribution):
 
 
 def test_evidence_posterior_and_misfit_equal_sums_over_a_grid():
-    """The misfit is the smallest sum of squares; one parameter leaves one degree less."""
+    """The misfit is the smallest sum of squares; one parameter reduces the degrees of freedom."""
     data = curves({"A": [38.0, 38.0]}, SEED)
     sampler = sampler_of(data)
     draws, r = sampler(data, np.random.default_rng(SEED)), sampler.reference
@@ -59,7 +59,7 @@ def test_evidence_posterior_and_misfit_equal_sums_over_a_grid():
     least = np.sum((pressure - best * unit) ** 2) / PRESSURE_SD**2
     np.testing.assert_allclose(draws.misfit, least, atol=0.2)
     np.testing.assert_allclose(draws.freedom, pressure.size - 1, atol=0.15)
-    # The noise hides the parameter: half the variance of the squares is lost.
+    # The noise is large: the degrees of freedom decrease by half the variance of the squares.
     draws = sampler_of(data, 40.0 / np.sqrt(2))(data, np.random.default_rng(SEED))
     squares = np.square(pressure - modulus(draws.centre.T) * unit).sum(axis=1) / (40.0**2 / 2)
     lost = squares.var() / 2
@@ -80,7 +80,7 @@ def test_evidence_of_tests_that_differ_equals_the_integral_over_all_unknowns():
 
 
 def test_draws_near_a_narrow_class_make_its_evidence_precise():
-    """Under a class far out in the posterior, and ten times as narrow, few draws count."""
+    """Few draws have a weight under a class that is far from the posterior mean and narrow."""
     data = curves({"S": [42.0]}, 3)
     sampler, rng = sampler_of(data), np.random.default_rng(SEED)
     wide = sampler(data, rng)
@@ -143,7 +143,7 @@ def test_draws_of_a_prior_follow_its_density(effect):
 
 
 def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
-    """Gauss and Newton's curvature, with that of the prior."""
+    """The Gauss-Newton curvature includes the prior."""
     data, truth, step = curves({"A": [38.0]}, SEED), -2.0, 1e-3
     data["pressure"][:] = modulus(truth) * UNIT_PRESSURE
     # The measurement error is so large that the prior contributes to the curvature.

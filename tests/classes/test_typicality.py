@@ -57,7 +57,7 @@ def test_typical_p_value_equals_closed_form_of_normal_distributions(left, known)
     )
     gain, root = np.eye(2) - posterior @ np.diag(width**-2.0), np.diag(spread) @ factor
     covariance = gain @ root @ root.T @ gain.T + posterior @ gain.T
-    # Along the directions of the whitened posterior that count.
+    # Only along the directions of the whitened posterior that are kept.
     whiten = (turned.T / width)[:known]
     apart = whiten @ (mean - middle - gain @ (location - middle))
     squared = apart @ np.linalg.solve(whiten @ covariance @ whiten.T, apart)
@@ -80,7 +80,7 @@ def test_typical_p_value_includes_the_scatter_between_experiments(ratio):
         np.random.default_rng(SEED),
     )
     wall = 2 * stats.norm.sf(0.5 / np.sqrt(0.3**2 + within**2 / tests))
-    # The mean of the logarithm of χ², and numbers as far from it on either side.
+    # The mean of ln χ², and the values at the same distance from it on both sides.
     chi2, middle = stats.chi2(2), np.log(2) - np.euler_gamma
     apart = abs(np.log(ratio) - middle)
     between = chi2.sf(np.exp(middle + apart)) + chi2.cdf(np.exp(middle - apart))
@@ -88,7 +88,7 @@ def test_typical_p_value_includes_the_scatter_between_experiments(ratio):
 
 
 def test_noise_p_value_equals_closed_form_of_normal_distributions():
-    """One-sided, and of two noises the smaller one counts, corrected for the choice."""
+    """The p-value is one-sided; the smaller one of two noises is corrected for the choice."""
     prior, width = np.array([-1.0, 0.5]), np.array([0.8, 0.6])
     means, errors = np.array([-0.9, 0.55]), np.array([0.2, 0.3])
     location, spread = np.array([-1.3, 0.3]), np.array([0.25, 0.2])
@@ -108,7 +108,7 @@ def test_noise_p_value_equals_closed_form_of_normal_distributions():
 
 
 def test_misfit_p_value_is_the_tail_of_a_ratio_of_two_chi_squares():
-    """The class's own misfit counts, unless it is smaller than the noise predicts."""
+    """The misfit of the class is the reference, unless it is smaller than the noise predicts."""
     rng = np.random.default_rng(SEED)
     draws = replace(drawn(np.zeros((1, 1))), misfit=25.0, freedom=10.0)
     freedom = np.array([20.0, 30.0])

@@ -64,7 +64,7 @@ def test_check_prints_how_files_were_read_and_draws_the_curves(run, table, tmp_p
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
-# NeoHookean is no law of these arteries, and their specimens differ.
+# NeoHookean does not fit these arteries, and their specimens differ.
 MISFIT = pytest.mark.filterwarnings("ignore:.*the best curve is further from the data")
 
 
@@ -87,7 +87,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     result = ph.open_result(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
-    # Another fit replaces the first one only if it is asked to.
+    # Another fit replaces the first one only with --overwrite.
     fit = ["fit", table, *settings, "--chains", "1", "--quiet", "--out", study, "--draws"]
     with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
         run(*fit, "120")

@@ -84,7 +84,7 @@ def test_murine_data_equal_published_diameters_and_wall_areas(group):
     radius, diameter = data["radius"].values * 1e3, np.array(OUTER_DIAMETER[group])
     area = np.pi * ((diameter / 2) ** 2 - radius**2)
     np.testing.assert_allclose(area, WALL_AREA[group], rtol=WALL_AREA_ROUNDING)
-    # The tube without load is that of the first reading.
+    # The first reading defines the unloaded tube.
     tube = [data[name].item() for name in GEOMETRY]
     expected = [radius[0] / 1e3, diameter[0] / 2000, 1.0, 0.0]
     np.testing.assert_allclose(tube, expected, rtol=ROUNDING)

@@ -1,4 +1,4 @@
-"""A reference tube may be stated in many ways, all of which give the opened sector."""
+"""A reference tube can be stated in several ways, which all give the opened sector."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pymc_hyperelastic import Tube, inflation_data
 
 ROUNDING = 1e-12
 
-# One tube: a ring of radii 7 and 9 mm that opens by 60 degrees in all, 30 by Fung.
+# One tube: a ring of radii 7 and 9 mm with an opening angle of 60 degrees, 30 by Fung's convention.
 RING = {"inner_radius": 7.0, "outer_radius": 9.0, "radii_of": "ring"}
 OPENED = {"inner_radius": 8.6, "outer_radius": 10.6, "radii_of": "sector"}
 WHOLE = {"opening_angle": 60.0, "convention": "whole", "angle_unit": "deg"}

@@ -67,7 +67,7 @@ class Plane:
         return found - 0.5 * np.log(2 * np.pi * np.e * self.error**2)
 
     def after(self, modulus, precision):
-        """Update the classes by a modulus that was found with such a precision."""
+        """Update the classes by a modulus that was measured with this precision."""
         likelihood = stats.norm.pdf(modulus, self.mu, precision**-0.5)
         joint = self.chance[:, None] * self.of_class * likelihood
         self.chance = joint.sum(axis=1) / joint.sum()
@@ -142,7 +142,7 @@ def unit_force(radius):
 
 
 @pytest.mark.deep
-# Forces are those of one modulus, and pressures those of three.
+# Forces of a class follow from one modulus, and its pressures from three.
 @pytest.mark.filterwarnings("ignore:class .* the fit is doubtful")
 def test_information_from_axial_forces_and_experiment_effects_equals_a_sum_over_a_plane():
     """Forces are linear in the modulus too; each test of a specimen has its own material."""
@@ -199,7 +199,7 @@ def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
 
 
 def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(classes):
-    """At a pressure each specimen has its own radius; a tube without pressure has none."""
+    """Each specimen has its own radius at a pressure; radii below the unloaded one are NaN."""
     kind = kind_of_classes(classes)
     x = np.array([[-1.5], [-2.0]])
     mu = kind.scale.numbers([x])["mu"][:, 0]
@@ -209,7 +209,7 @@ def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(c
     assert len(design[1].held) == 20
     tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
     radii = radii_of(kind, design, {X: x}, tube, {})
-    # A test may state a tube of its own, here the same one, twice as large.
+    # A test may state its own tube: here the same tube, twice as large.
     larger = ph.Tube(**{name: 2 * value for name, value in TUBE.items()})
     design = as_design("a", [planned, planned | {"tube": larger}], kind)
     own, twice = np.split(radii_of(kind, design, {X: x}, tube, {}), 2, axis=1)
@@ -226,7 +226,7 @@ def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(c
 
 @pytest.mark.deep
 def test_predicted_probabilities_after_planned_tests_are_calibrated():
-    """The log probability of the true class has the mean that the probabilities expect."""
+    """The mean log probability of the true class equals its expectation under the probabilities."""
     noise = pm.LogNormal.dist(np.log(NOISE), 0.3)
     fitted = fit(
         draws=200, chains=1, priors={"thickness": ph.MeasuredValue(sd=0.3)}, likelihood=noise

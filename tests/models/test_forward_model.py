@@ -1,4 +1,4 @@
-"""The forward model: curves of every law at every point, and other data in place of its own."""
+"""The forward model: curves of every law at every point, and replaced data."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from pymc_hyperelastic.models.priors import complete_priors
 
 # Relative to the largest pressure, or force, of a curve.
 CURVE_TOLERANCE = 1e-8
-# Sums of squares of curves that are exact to 1e-12, and one sum in another compilation.
+# Relative error of sums of squares of curves that are exact to 1e-12, and of one sum twice.
 LIKELIHOOD_TOLERANCE, ROUNDING = 1e-9, 1e-12
 
 INNER, OUTER, ANGLE = 1.0, 1.3, 0.8
@@ -105,7 +105,7 @@ def dense(data, sds):
     ],
 )
 def test_compiled_likelihood_of_replaced_data_is_exact(sds, mode, measured):
-    """Data of other lengths, with few or no forces, and with inflation or extension tests alone."""
+    """The replacing data differ in length, number of forces, and kinds of tests."""
     likelihood, first = ph.Gaussian(**sds), extended(measured)
     forward = likelihood.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
     log_likelihood = likelihood.log_likelihood(forward.tube(OGDEN))

@@ -20,7 +20,7 @@ from pymc_hyperelastic.models.settings import inflation_data_of, model_settings_
 
 OGDEN, POINT = ph.Ogden(), {"mu": 6.0, "alpha": 8.0}
 NOISE, OBSERVED = ph.Gaussian(0.5), ph.Gaussian(0.5, observed=True)
-# One expression twice, and sums of squares by two rules of different order.
+# Relative errors: of one expression evaluated twice, and of sums of squares by two rules.
 ROUNDING, SAME_LIKELIHOOD = 1e-12, 1e-9
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
@@ -99,7 +99,7 @@ def test_prior_restricted_to_rising_pressures_integrates_to_one():
 
 
 def test_log_densities_of_two_tubes_in_one_model_add_up():
-    """Different data and laws, dimensions included; a context without a prefix works as well."""
+    """The tubes differ in data, law and dimensions; only the second one has a prefix."""
     short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
     forces = curves(forces=[30.0, np.nan, 40.0, 50.0])
     with_forces = ph.Gaussian(0.5, force_sd=3.0, observed=True)
@@ -144,7 +144,7 @@ def test_parameters_noise_and_geometry_can_be_variables_of_the_own_model():
 
 
 def result_of(model):
-    """The result that a model would have after sampling, with three draws."""
+    """Return a result of a model with three draws, as it is after sampling."""
     names = ("beta", "log_marginal_likelihood", "log_evidence_variance")
     posterior = {"anything": np.ones((1, 3))}
     point = model.initial_point()
@@ -153,7 +153,7 @@ def result_of(model):
 
 
 def test_model_can_be_rebuilt_from_its_stored_result(tmp_path):
-    """The data, the law, its priors and the noise, with their units, through a file."""
+    """Data, law, priors and likelihood survive a file, with their units."""
     tree = fits.fit("sampled")
     tree.to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
     tree = xr.load_datatree(tmp_path / "result.nc", engine="h5netcdf")

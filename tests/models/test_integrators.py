@@ -26,7 +26,7 @@ from pymc_hyperelastic.models.priors import complete_priors
 SEED = 20261123
 # Relative to the largest value of a curve: constant matrices are chosen to be exact to 1e-9.
 CURVE_TOLERANCE = 1e-9
-# The same for slopes, which are not considered when nodes are chosen.
+# Relative error of slopes, which are not considered when nodes are chosen.
 SLOPE_TOLERANCE = 1e-8
 # 1/mm. Stiff axial fibres bear a force that hardly depends on the radius, so that its slope is
 # known to the rounding of the force, divided by the hundredth of a millimetre over which it varies.
@@ -86,7 +86,7 @@ def opened_tube():
 
 
 def mouse_aortas(specimens=1, points=6, growth=1.0):
-    """Three inflation tests and four extension tests of each specimen: a grid of both stretches."""
+    """Return three inflation tests and four extension tests of each specimen."""
     tests = []
     for specimen in range(specimens):
         size = growth * (1 + 0.05 * specimen)
@@ -139,7 +139,7 @@ def exact_curves(law, data, materials):
         radius, k = data["radius"].values, opening_factor(at_points(data, "opening_angle"))
         curves.append(curves_and_slopes(layers, radius, inner, axial, k))
     pressure, stiffness, force, force_slope = np.swapaxes(curves, 0, 1)
-    # Radii were measured: slopes by the measured radius are those by the internal one.
+    # Internal radii were measured: slopes refer to the internal radius.
     return [pressure, stiffness, force, stiffness, force_slope]
 
 
@@ -203,7 +203,7 @@ def test_curves_with_separate_parameters_for_each_test_are_exact(law):
     assert_exact(forward.with_data(mouse_aortas(points=5)), exact, materials_of(energy, 15))
 
 
-# Fibres that are slack at first and stiffen all the more.
+# Fibres that are slack at first and then stiffen strongly.
 FAR = {"c": [10.0, 12.0], "k1": [1e-6, 1e-5], "k2": [9.0, 7.0], "beta": [40.0, 35.0]}
 
 
@@ -313,7 +313,7 @@ def test_stated_errors_of_layered_walls_equal_the_errors_of_their_order():
 
 
 def test_curve_error_of_layers_with_vector_parameters_is_small():
-    """The posterior of a layer's vector has one more axis."""
+    """The posterior of a vector parameter has an additional axis."""
     data = opened_tube().assign(outer_radius=("test", np.full(4, np.nan)))
     wall = [ph.Layer(ph.OgdenSeries(2), 0.2), ph.Layer(ph.NeoHookean(), 0.1, mu=5.0)]
     study = ph.inflation_model(wall, data, 0.5).study

@@ -129,7 +129,7 @@ def test_default_priors_equal_the_documented_priors():
     values = [*scale.location_prior[0], *scale.location_prior[1], *np.exp(scale.spread_prior[0])]
     np.testing.assert_allclose(values, [1.0, 2.0, 8 / 20])
     assert scale.numbers([np.array([-1.0, 2.0])])["shift"].tolist() == [-1.0, 2.0]
-    # Without a stress of reference a modulus keeps its own logarithm.
+    # Without a reference stress the coordinate of a modulus is its logarithm.
     without = NaturalScale(ph.NeoHookean(), None)
     high = ph.NeoHookean().parameters[0].prior_range[1]
     assert without.names == ["log_mu"]
@@ -174,7 +174,7 @@ def test_prior_of_a_thickness_with_draws_that_are_not_positive_is_refused():
 
 
 def test_layers_have_the_coordinates_of_their_laws():
-    """Numbers have no coordinate, and thicknesses come last."""
+    """Fixed parameters have no coordinate, and thicknesses come last."""
     layers = [
         ph.Layer(ph.HolzapfelGasserOgden(), 0.3, beta=30.0),
         ph.Layer(ph.Demiray(), pm.LogNormal.dist(-1.5, 0.3)),

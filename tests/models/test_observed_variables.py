@@ -90,7 +90,7 @@ def test_density_of_observed_pressures_equals_the_multivariate_normal(slope_weig
     for mu, alpha, sigma in ((30.0, 7.0, SIGMA), (6.0, -8.0, 20.0), (80.0, 0.0, SIGMA)):
         expected = exact_log_densities(data, mu, alpha, slope_weight, sigma=sigma)
         found = function(mu, alpha, sigma)
-        # Differences of sums: relative to the largest of these.
+        # The densities are differences of cumulative sums: rounding is relative to the largest sum.
         atol = DENSITY_TOLERANCE * np.abs(np.cumsum(expected)).max()
         np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
@@ -121,7 +121,7 @@ def test_posterior_predictions_have_the_exact_mean_and_covariance():
 
 
 def test_arviz_computes_loo_and_predictive_checks_of_a_result():
-    """Points are left out one by one, and predictions are drawn."""
+    """`az.loo` leaves out single points, and `az.plot_ppc_dist` shows drawn predictions."""
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
     model = generative(data, sigma=15 * ph.mmHg)
     rng = np.random.default_rng(SEED)

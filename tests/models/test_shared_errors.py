@@ -171,7 +171,7 @@ def test_each_signal_alone_has_its_marginal_density(errors):
 
 
 def test_gradient_equals_differences_and_is_zero_where_curves_overflow():
-    """By material and errors: variances depend on the material through its slopes."""
+    """The gradient is taken by material and errors; variances depend on both."""
     model = model_of(extended("outer_diameter"), observed=True, **unknown(SDS))
     function, point = function_of(model, gradient=True), POINT | SDS
     _, *gradient = function(**point)

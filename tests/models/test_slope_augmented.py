@@ -60,7 +60,7 @@ MIXED = dataset(*FRAMES)
 
 
 def likelihood_of(energy, data=MIXED, gradient=False, **settings):
-    """The log-likelihood by the parameters and by the noise that has a range and not a number."""
+    """Compile the log likelihood as a function of the parameters and of the unknown noise."""
     errors = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
     errors |= {name: settings.pop(name) for name in errors if name in settings}
 
@@ -144,7 +144,7 @@ def test_gradient_equals_differences_of_the_exact_likelihood(mode):
 
 
 def test_likelihood_accepts_numbers_for_parameters_and_geometry():
-    """Numbers have double precision, and a measure of the tube replaces that of the data."""
+    """Numbers keep double precision, and a stated measure of the tube replaces the data's."""
     data, likelihood = dataset(FRAMES[0]), ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
     parameters = {"mu": 30, "alpha": 6.7, "inner_radius": pt.constant(7.1)}
     with pm.Model() as model:

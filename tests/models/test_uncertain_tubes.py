@@ -81,7 +81,7 @@ def exact_likelihood(measured, values, mu, alpha):
 def test_likelihood_of_an_inferred_tube_is_exact_and_zero_if_impossible(
     values, impossible, measured
 ):
-    """Gradients agree with differences, and are finite where there is no such tube."""
+    """Gradients agree with differences, and are finite for impossible tubes."""
     names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
     missing = {name: np.nan for name in names if name in TUBE}
     likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)
@@ -115,7 +115,7 @@ NOISE = ph.Gaussian(pressure_sd=0.4, force_sd=2.0)
 
 
 def table():
-    """Two specimens, the second of a thicker wall, with two tests each."""
+    """Return two tests of each of two specimens; the second one has a thicker wall."""
     rows = [
         {"specimen": name, "experiment": test, "radius": r, "outer": outer, "pressure": 60 * r - 25}
         | {"axial_force": 20.0 + r, "outer_diameter": 2 * r + 0.2, "stretch": 1.3 + 0.1 * test}

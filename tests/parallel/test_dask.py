@@ -119,7 +119,7 @@ def connected(address):
     """Return a client, however long the scheduler takes to answer."""
     while True:
         try:
-            # A client that has lost its scheduler tries to connect again for as long.
+            # This is also the time for which a client tries to reach a lost scheduler again.
             return distributed.Client(address, timeout=5)
         except OSError:
             continue

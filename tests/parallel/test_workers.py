@@ -150,7 +150,7 @@ def test_damaged_part_is_named_in_a_warning_and_computed_again(data, undisturbed
 
 
 def test_part_of_another_store_is_refused_and_kept(data, undisturbed, tmp_path):
-    """Two processes, one of them with other settings, may have written into one folder."""
+    """The part was copied from a store with other settings."""
     folders = tmp_path / "own", tmp_path / "other"
     for folder, factor in zip(folders, (1.0, 2.0), strict=True):
         computed(SimulatedWork(factor=factor), data, folder, batch_size=4)
@@ -228,7 +228,7 @@ def test_full_disk_or_interrupt_keeps_finished_batches(data, undisturbed, tmp_pa
 
 
 def test_unfinished_files_of_killed_processes_are_removed(data, tmp_path):
-    """A part of other specimens than those of the next batches; a living process keeps its own."""
+    """The unfinished file belongs to no later batch; the file of a living process is kept."""
     pytest.importorskip("fcntl", reason="only Unix has locks of files")
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)

@@ -124,7 +124,7 @@ def test_points_beyond_measured_stretches_are_extrapolated_with_a_warning():
     with pytest.warns(UserWarning, match=r"1 of 2 points.*pressure 3.8 kPa"):
         found = at_stretches(ph.radius_at_pressure, [2.0, 3.8], [1.2, 1.3])
     assert found["extrapolated"].values.tolist() == [False, True]
-    # An inflation test at this stretch alone went as far.
+    # At this stretch an inflation test reached the pressure.
     at_stretches(ph.radius_at_pressure, 3.5, 1.25)
     with pytest.warns(UserWarning, match="axial stretch 1.5, measured 1.1 to 1.4"):
         at_stretches(ph.radius_at_pressure, 2.0, 1.5)

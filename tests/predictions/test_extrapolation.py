@@ -21,7 +21,7 @@ def pressure_of(radius, mu=MU, **tube):
 
 
 def data_of(*tubes) -> xr.Dataset:
-    """Data of neo-Hookean tubes: of each what differs from the sheep's aorta, and its radii."""
+    """Return data of neo-Hookean tubes, stated by differences from the sheep aorta, and radii."""
     tables = []
     for number, (tube, radius) in enumerate(tubes, start=1):
         labels = {"specimen": f"S{number}", "experiment": 1, **SHEEP, "axial_stretch": 1.0, **tube}
@@ -121,7 +121,7 @@ def test_inferred_geometry_defines_the_measured_range():
     assert quietly(ph.predict_pressure, tree, [7.1, *RADIUS, 9.0]) == [True, *[False] * 9, True]
     top = float(data["pressure"].max())
     assert quietly(ph.tube_properties, tree, [top, 1.01 * top]) == [False, True]
-    # Half as large in all, as far as it is known.
+    # The known measures are half as large.
     half = {"inner_radius": 3.5, "outer_radius": 4.5}
     assert quietly(ph.predict_pressure, tree, RADIUS[[0, -1]] / 2, **half) == [False, False]
 

@@ -21,7 +21,7 @@ LAW = ph.FungOrthotropic()
 
 
 def aortas(**changes):
-    """Draws of the law, of which some parameters are by draw."""
+    """Return draws of the law; some parameters differ between draws."""
     count = max((len(v) for v in changes.values()), default=1)
     return result(**{n: changes.get(n, [x] * count) for n, x in FUNG.items()})
 
@@ -43,7 +43,7 @@ def test_axial_force_is_equal_at_both_pressures_at_the_in_vivo_stretch():
     assert stretch.dims == ("chain", "draw")
     assert stretch.attrs["draws_without"] == 0
     for i, value in enumerate(stretch.values[0]):
-        # The rise changes its sign there, and nowhere before.
+        # The rise of the force changes its sign there for the first time.
         stretches = [*np.linspace(0.8, 0.98 * value, 6), value, 1.02 * value]
         *before, at, above = rises_of_force(tree.isel(draw=[i]), stretches)
         assert max(before) < 0 < above

@@ -44,7 +44,7 @@ def test_softening_tube_violates_rising_pressure_but_not_baker_ericksen():
 
 @pytest.mark.parametrize("axial", [0.8, 1.0, 1.3])
 def test_baker_ericksen_of_mooney_rivlin_equals_its_closed_form(axial):
-    """``c10 + λk² c01 > 0`` for each of the three stretches, at each circle that is looked at."""
+    """``c10 + λk² c01 > 0`` for each of the three stretches, at each position in the wall."""
     ratio = np.linspace(-1.2, 0.2, 300)
     radius = np.linspace(6.5, 9.0, 7)
     tube = ph.Tube(**SHEEP, axial_stretch=axial)

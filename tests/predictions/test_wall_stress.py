@@ -35,7 +35,7 @@ def wall_integral(integrand: xr.DataArray, stress: xr.Dataset, tube: dict, weigh
 
 @every_tube_and_law
 def test_stresses_balance_pressure_and_axial_force(energy, parameters, tube):
-    """Hoop stress balances the pressure, axial stress the axial force; radial is that on the faces.
+    """The stresses balance the pressure, the axial force, and the loads on both surfaces.
 
     ``∫ σθθ dr = p a`` and ``∫ σzz 2π r dr = F + π a² p``: three results that share no formula.
     """
