@@ -121,6 +121,7 @@ def test_stress_at_an_interface_is_the_stress_of_the_inner_layer():
     layers = [ph.Layer(ph.NeoHookean(), 0.5), ph.Layer(ph.NeoHookean(), 0.3, mu=1.0)]
     tree = result(mu_1=np.full(60, 100.0), inner_radius=np.linspace(3.0, 9.0, 60))
     stress = ph.wall_stress(tree, 0.5, points=[0.62, 0.625, 0.63], energy=layers)
+    # The outer layer is a hundred times softer, so that its hoop stress is far smaller.
     np.testing.assert_allclose(*stress["sigma_tt"].values[0, :, 0, :2].T, rtol=0.05)
 
 

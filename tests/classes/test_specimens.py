@@ -57,6 +57,7 @@ def test_evidence_posterior_and_misfit_equal_sums_over_a_grid():
     unit, pressure = np.tile(UNIT_PRESSURE, 2), data["pressure"].values
     best = pressure @ unit / (unit @ unit)
     least = np.sum((pressure - best * unit) ** 2) / PRESSURE_SD**2
+    # Standard errors from 2000 draws: about 0.06 for the misfit, and 0.08 for its freedom.
     np.testing.assert_allclose(draws.misfit, least, atol=0.2)
     np.testing.assert_allclose(draws.freedom, pressure.size - 1, atol=0.15)
     # The noise is large: the degrees of freedom decrease by half the variance of the squares.

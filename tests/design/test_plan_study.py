@@ -116,6 +116,7 @@ def test_width_with_many_specimens_equals_the_difference_of_two_means(classes):
     np.testing.assert_allclose(found["truth"], -0.5)
     middles = found["study_difference"]
     assert abs(middles.mean() + 0.5) < 4 * middles.std() / np.sqrt(40)
+    # The relative standard error of an sd of 40 studies is 1/sqrt(80), or 11 %.
     assert middles.std() == pytest.approx(width / (2 * 1.96), rel=0.4)
     assert found["decided"] == 1 and found["wrong"] == 0
 

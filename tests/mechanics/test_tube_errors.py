@@ -58,7 +58,8 @@ def test_extreme_but_possible_tubes_are_accepted():
     radius = ph.inflation_pressure(OGDEN, 8.0, ph.Tube(**TUBE), **MATERIAL)
     for arguments in ({"outer_radius": 7.0 + 1e-9}, {"opening_angle": -6.28}):
         for function in FUNCTIONS:
-            function(OGDEN, radius, ph.Tube(**TUBE | arguments), **MATERIAL)
+            curve = function(OGDEN, radius, ph.Tube(**TUBE | arguments), **MATERIAL)
+            assert curve.ndim == 0
 
 
 def test_dict_in_place_of_a_tube_is_refused():
