@@ -1,4 +1,4 @@
-# Every target makes what it needs: an environment in .venv and, in it, this package with the extras of the target.
+# Each target creates the environment .venv if needed, and installs this package in it with the extras of the target.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -11,23 +11,24 @@ extras_docs-check := [docs,browser]
 extras_dist := [release]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test test-all test-second test-long test-lowest golden mutations lint docs docs-check dist benchmark clean
+.PHONY: help study artery test test-all test-second test-long test-lowest golden mutations lint plain docs docs-check dist benchmark clean
 
 help:
-	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
-	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
-	@echo "make test        the first tier of tests: every module and every public name, in minutes"
-	@echo "make test-all    both tiers of tests; the second compiles models as users do and tests them in full"
-	@echo "make test-long   tests that take minutes each: calibration of whole models; run before a release"
-	@echo "make test-lowest the first tier on the oldest versions that pyproject.toml allows"
-	@echo "make golden      compare the package with the numbers stored in tests/golden"
-	@echo "make mutations   measure how many small mistakes in the package the tests find; takes hours"
-	@echo "make lint        ruff and mypy"
-	@echo "make docs        the documentation, in docs/_build/html"
-	@echo "make docs-check  look at every page of it in a browser, on narrow and wide screens, light and dark"
-	@echo "make dist        wheel and source distribution in dist/, tried in an empty environment"
-	@echo "make benchmark   time and accuracy against other ways, about 7 minutes"
-	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
+	@echo "make study       run the simulated sheep-aorta study; write figures and netCDF files to results/"
+	@echo "make artery      run the study of a measured pulmonary artery: control against hypertensive"
+	@echo "make test        run the first tier of tests: each module and each public name; takes minutes"
+	@echo "make test-all    run both tiers of tests; the second tier compiles models as users do"
+	@echo "make test-long   run tests that take minutes each, before a release"
+	@echo "make test-lowest run the first tier with the oldest versions that pyproject.toml allows"
+	@echo "make golden      compare results with the numbers stored in tests/golden"
+	@echo "make mutations   count how many small mistakes in the package the tests find; takes hours"
+	@echo "make lint        run ruff and mypy"
+	@echo "make plain       list sentences that are hard to read, and fail above 1 % of a folder"
+	@echo "make docs        build the documentation in docs/_build/html"
+	@echo "make docs-check  check each page of the documentation in a browser"
+	@echo "make dist        build wheel and source distribution in dist/, and test the wheel"
+	@echo "make benchmark   measure time and accuracy against other methods; takes 7 minutes"
+	@echo "make clean       remove the files that targets write, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study
 	$(PY) examples/sheep_aorta.py
@@ -35,26 +36,26 @@ study: $(VENV)/.ready-study
 artery: $(VENV)/.ready-study
 	$(PY) examples/pulmonary_hypertension.py
 
-# One process per core, with one thread each. Processes share the stored fits of tests/fits.py.
-# The benchmark plugin, where it is installed, warns that it cannot time several processes at once.
+# One process per core, with one thread each. The processes share the stored fits of tests/fits.py.
+# Without "-p no:benchmark" the benchmark plugin would warn that it cannot measure time in parallel.
 pytest := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist worksteal -p no:benchmark --durations=20
 
-# The first tier, with the docstring examples.
+# The first tier, and the docstring examples.
 test: $(VENV)/.ready-test
 	$(pytest) $(PYTEST_OPTIONS) -m "not deep" --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
 
 test-all: test test-second
 
-# The second tier, and the docstring examples once more, compiled as users compile.
+# The second tier, and the docstring examples again, both compiled as users compile.
 test-second: $(VENV)/.ready-test
 	$(pytest) $(PYTEST_OPTIONS) -m "(deep or compiled) and not long" --compiled
 	$(pytest) $(PYTEST_OPTIONS) --compiled --doctest-modules pymc_hyperelastic
 
-# Tests that take minutes each: simulation-based calibration and Hamiltonian Monte Carlo of whole models.
+# Tests that take minutes each, such as simulation-based calibration of complete models.
 test-long: $(VENV)/.ready-test
 	$(pytest) -m long --compiled
 
-# The oldest versions that pyproject.toml allows, in an environment within the environment.
+# The oldest versions that pyproject.toml allows, in a separate environment.
 test-lowest: $(VENV)/lowest/.ready-test
 	@$(MAKE) --no-print-directory VENV=$(VENV)/lowest test
 
@@ -69,17 +70,22 @@ lint: $(VENV)/.ready-lint
 	$(PY) -m ruff format --check
 	$(PY) -m mypy
 
-# All pages are written anew, so that none outlives its name.
+# Largest share of hard sentences of a folder, in per cent: docs/project/writing.md.
+PLAIN_LIMIT ?= 1
+
+plain: | $(PY)
+	$(PY) tools/plain_english.py --limit $(PLAIN_LIMIT)
+
+# Remove old pages first: the page of a renamed object would remain.
 docs: $(VENV)/.ready-docs
 	rm -rf docs/generated docs/drawings docs/_build/html
 	$(PY) -m sphinx -W --keep-going -j 2 -b html docs docs/_build/html
 
-# What make docs built last.
+# Checks the pages of the last "make docs".
 docs-check: $(VENV)/.ready-docs-check
 	$(PY) docs/check_site.py
 
-# The wheel is built from the source distribution, and both are what people would install: nothing else is there but
-# what they bring with them.
+# The wheel is built from the source distribution. The test installs only the wheel and its dependencies.
 dist: $(VENV)/.ready-dist
 	rm -rf dist
 	$(PY) -m build --quiet
@@ -101,14 +107,14 @@ clean:
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 
-# A stamp for each set of extras; older than pyproject.toml, it is made again.
+# A stamp file for each set of extras. A change of pyproject.toml installs the extras again.
 $(VENV)/.ready-%: pyproject.toml | $(PY)
 	@echo "Installing pymc_hyperelastic$(extras_$*) in $(VENV)"
 	@$(PY) -m pip install --quiet --disable-pip-version-check --editable ".$(extras_$*)"
 	@touch $@
 
-# pip takes the newest versions and only uv the oldest; it keeps what is installed already, so it starts afresh.
-# Wheels only: where a version has none for this Python, the oldest that has one.
+# uv can install the oldest versions; pip cannot. uv keeps installed versions, so the environment is created again.
+# Only wheels: if a version has no wheel for this Python, the oldest version with a wheel is installed.
 $(VENV)/lowest/.ready-test: pyproject.toml | $(PY)
 	@echo "Installing the oldest versions in $(VENV)/lowest"
 	@$(PY) -m venv --clear $(VENV)/lowest

@@ -12,13 +12,18 @@ import pytensor
 import pytest
 import xarray as xr
 
+import pymc_hyperelastic as ph
+
+# Letters of a list or dict that is shown in the name of a parametrised case.
+_LONGEST_ID = 80
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of this project."""
     parser.addoption(
         "--compiled",
         action="store_true",
-        help="compile every test as users compile, not only those that are marked deep",
+        help="compile every test as users do, not only tests marked deep",
     )
     parser.addoption(
         "--times-per-file",
@@ -29,12 +34,35 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="module")
 def classes() -> xr.DataTree:
-    """Return fitted classes of neo-Hookean specimens; tests do not change them."""
+    """Return fitted classes of neo-Hookean specimens, which tests must not change."""
     return fits.fit("neo_hookean_classes")
 
 
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Name parametrised cases by their values, where pytest would use a bare or numbered name."""
+    if isinstance(val, float):
+        return f"{argname}={val:.6g}"
+    if val is None or isinstance(val, bool | int):
+        return f"{argname}={val}"
+    if isinstance(val, ph.StrainEnergy):
+        return repr(val)
+    if isinstance(val, dict | list | tuple):
+        text = f"{argname}={val}"
+        return text if _is_plain(val) and len(text) < _LONGEST_ID else None
+    return argname if getattr(val, "__name__", None) == "<lambda>" else None
+
+
+def _is_plain(val: object) -> bool:
+    """Return True for text, numbers, None, and for lists and dicts of these."""
+    if isinstance(val, dict):
+        return all(_is_plain(entry) for entry in (*val, *val.values()))
+    if isinstance(val, list | tuple):
+        return all(_is_plain(entry) for entry in val)
+    return type(val) in (str, int, float, bool, type(None))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let docstring examples fit laws and classes that do not follow their data."""
+    """Ignore warnings of doubtful fits in docstring examples, whose laws may not fit their data."""
     for item in items:
         if isinstance(item, pytest.DoctestItem):
             item.add_marker(pytest.mark.filterwarnings("ignore:.*the fit is doubtful"))

@@ -1,7 +1,7 @@
-"""Look at every page of the built documentation in a browser, and follow its links.
+"""Check every page of the built documentation in a browser, and check its links.
 
-Each page is opened at the widths of a telephone and of a desk, light and dark. What is wrong is
-listed by page; the last line counts what was looked at. Run it by ``make docs-check``.
+The program opens each page with the widths of a telephone and of a desktop, light and dark. It
+lists the faults by page; the last line counts the checks. Run it with ``make docs-check``.
 """
 
 import asyncio
@@ -21,14 +21,15 @@ from playwright.async_api import Browser, async_playwright
 SITE = Path(__file__).with_name("_build") / "html"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 WIDTHS, SCHEMES, AT_ONCE, TRIES = (1400, 400), ("light", "dark"), 4, 20
-# Colours are another matter in the dark, and nothing else is; what scrolls depends on the width.
+# In the dark scheme only the colours differ. The scrolling regions depend on the width.
 RULES = {
     (1400, "light"): {},
     (1400, "dark"): {"runOnly": ["color-contrast"]},
     (400, "light"): {"runOnly": ["scrollable-region-focusable", "target-size"]},
 }
 
-# Formulas and links that are still source, figures that are missing or have no words instead.
+# Formulas and links that are still source text, missing figures, and figures without an alternative
+# text.
 UNFINISHED = r"""() => [
     ...[...document.querySelectorAll(".math")].filter(e => !e.querySelector("math")),
     ...document.querySelectorAll(".temml-error, merror"),
@@ -40,8 +41,8 @@ UNFINISHED = r"""() => [
     ...[...document.images].filter(e => e.complete && !e.naturalWidth
         || !e.alt.trim() && !e.closest(".sphx-glr-thumbcontainer")),
 ].map(e => e.outerHTML.slice(0, 160))"""
-# Text that is cut off, or out of sight. Code, tables and, on narrow screens, formulas may scroll in
-# a place of their own, which keys can reach.
+# Text that is cut off or outside the screen. Code, tables and, on narrow screens, formulas may
+# scroll inside an element that the keyboard can reach.
 CUT_OFF = """(narrow) => [...document.querySelectorAll("body *")].filter(e => {
     if (e.closest("svg, math, dialog") || !e.checkVisibility()) return false;
     const style = getComputedStyle(e), box = e.getBoundingClientRect();
@@ -63,7 +64,7 @@ SCROLLS_SIDEWAYS = "document.documentElement.scrollWidth > innerWidth"
 
 
 class Page(HTMLParser):
-    """Names of places in a page, and what it leads to."""
+    """Anchors and links of a page."""
 
     def __init__(self, path: Path):
         super().__init__()
@@ -71,14 +72,14 @@ class Page(HTMLParser):
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):
-        """Note an element."""
+        """Record the anchors and links of an element."""
         attrs = dict(attrs)
         self.names |= {attrs[key] for key in ("id", "name") if attrs.get(key)}
         self.targets += [attrs[key] for key in ("href", "src") if attrs.get(key)]
 
 
 def broken_links(pages: dict[str, Page]) -> tuple[int, list[str]]:
-    """Number of links within the site, and those that lead nowhere."""
+    """Return the number of links within the site, and a text for each broken link."""
     links, broken = 0, []
     for name, page in pages.items():
         for target in page.targets:
@@ -94,9 +95,9 @@ def broken_links(pages: dict[str, Page]) -> tuple[int, list[str]]:
 
 
 async def settled(page, script: str, *given) -> list[str]:
-    """What a script finds when nothing is found any more, or after long.
+    """Run a script repeatedly until it finds no fault, and return the faults that remain.
 
-    The theme looks a little later what scrolls now, and a busy computer much later.
+    The theme marks scrolling regions a little after the page has loaded, later on a busy computer.
     """
     for _ in range(TRIES):
         if not (found := await page.evaluate(script, *given)):
@@ -106,7 +107,7 @@ async def settled(page, script: str, *given) -> list[str]:
 
 
 async def look(browser: Browser, address: str, name: str, wrong: list[str], seen: Counter) -> None:
-    """Open a page, in all widths and schemes."""
+    """Check a page in all widths and colour schemes, and add its faults to `wrong`."""
     page = await browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
     at = ""
 
@@ -127,7 +128,7 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
         lambda said: add(f"console {said.text}") if said.type in ("error", "warning") else None,
     )
     await page.goto(f"{address}/{name}")
-    await page.evaluate(  # pictures are loaded when they come into sight
+    await page.evaluate(  # images are loaded lazily: load all of them
         """Promise.all([...document.images].map(
             e => (e.loading = "eager", e.decode().catch(() => 0))))"""
     )
@@ -135,8 +136,8 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
         add(f"unfinished {what}")
     seen["formulas"] += await page.locator("math").count()
     seen["figures"] += await page.locator("article img").count()
-    # Code looks as it does on the other pages, and is all that there is on these: what is around it
-    # is the same in all widths and schemes as there.
+    # Pages of source code: other pages check the style of code, and the frame of the page. One
+    # check of the frame is enough.
     is_code = name.startswith("_modules/")
     rules = {(1400, "light"): {}} if is_code else RULES
     context = {"exclude": "pre"} if is_code else None
@@ -163,7 +164,7 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
 
 
 async def look_at_all(address: str, names: list[str]) -> tuple[list[str], Counter]:
-    """Open all pages, some of them at once."""
+    """Check all pages, several at the same time."""
     wrong, seen, places = [], Counter(pages=len(names)), asyncio.Semaphore(AT_ONCE)
     async with async_playwright() as started:
         arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
@@ -179,14 +180,14 @@ async def look_at_all(address: str, names: list[str]) -> tuple[list[str], Counte
 
 
 class Handler(SimpleHTTPRequestHandler):
-    """Serve files, and say nothing."""
+    """Serve files without log messages."""
 
     def log_message(self, *_):
-        """Say nothing."""
+        """Write no log message."""
 
 
 def main() -> None:
-    """Look at the whole site, or at the pages whose names begin like an argument."""
+    """Check the whole site, or the pages whose names begin with one of the arguments."""
     if CHROMIUM is None:
         sys.exit("there is no chromium: apt-get install chromium")
     paths = sorted(SITE.rglob("*.html"))

@@ -38,30 +38,30 @@ extensions = [
 templates_path = ["_templates"]
 exclude_patterns = ["_build", "gallery/*.ipynb"]  # the gallery offers notebooks for download
 
-# Pages: Markdown, and notebooks written as Markdown, which every full build runs.
+# Pages are Markdown files. Some are notebooks in Markdown; every full build runs them.
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # seconds a cell
 nb_merge_streams = True
-# Figures of pages that are run are sharp on every screen.
+# Figures of notebooks are SVG: sharp on every screen.
 os.environ["IPYTHONDIR"] = str(Path(__file__).with_name("_build") / "ipython")
 profile = Path(os.environ["IPYTHONDIR"]) / "profile_default"
 profile.mkdir(parents=True, exist_ok=True)
 figures = 'c.InlineBackend.figure_formats = {"svg"}\n'
 (profile / "ipython_kernel_config.py").write_text(figures, encoding="utf-8")
 
-# Reference: one page for each public name, holding what the class itself defines.
+# Reference: one page for each public name, with the members that the class itself defines.
 autosummary_generate = True
 autosummary_context = draw_all()
 autodoc_inherit_docstrings = False
 autodoc_typehints = "none"  # numpydoc's parameter lists already say it
 numpydoc_show_class_members = False
-# Names in types of parameters lead to their pages. Those of other packages, and where these pages
-# are, stand in a table: no build needs the network for it.
+# Names in types of parameters link to their pages. links.toml lists the addresses for other
+# packages, so that a build needs no network.
 LINKS = tomllib.loads(Path(__file__).with_name("links.toml").read_text(encoding="utf-8"))
-# What stored figures show, for those who do not see them.
+# Alternative texts of the stored figures.
 STORED_ALT = tomllib.loads(
     Path(__file__).with_name("stored_figures.toml").read_text(encoding="utf-8")
 )
@@ -71,12 +71,12 @@ numpydoc_xref_aliases = {name: f":py:obj:`{name}`" for name in LINKS} | {
     name: f":py:obj:`~pymc_hyperelastic.{name}`" for name in ph.__all__
 }
 
-# Prompts are not copied.
+# The copy button does not copy prompts.
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
-# Gallery: examples of a minute are run; of longer ones pages show what was kept of a run.
-# What several of them import is no example by itself, and lies beside them for download.
+# Gallery: the build runs the examples that take a minute. Pages of longer examples show their
+# stored output. A module that several examples import is not an example, but can be downloaded.
 imported_by_examples = r"murine_tables\.py$"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -91,7 +91,7 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
 }
 
-# Formulas: MathML, made of their LaTeX in the browser by a script that lies beside the pages.
+# Formulas: a script of this site converts their LaTeX to MathML in the browser.
 mathjax_path = "math.js"
 myst_update_mathjax = False
 html_js_files = [("temml/temml.min.js", {"defer": "defer"}), ("names.js", {"defer": "defer"})]
@@ -103,7 +103,7 @@ html_css_files = ["site.css"]
 html_favicon = "_static/favicon.svg"
 html_show_sourcelink = False
 html_last_updated_fmt = "%Y-%m-%d"
-# These pages have no section, and so nothing to show at the side.
+# These pages have no sections, and so no side bar.
 html_sidebars = {"index": [], "search": [], "genindex": []}
 html_context = {"default_mode": "auto"}
 html_theme_options = {
@@ -119,13 +119,13 @@ html_theme_options = {
     "footer_end": [],
 }
 
-# The zoo: a page written from the laws themselves, so that a new one appears on it by itself.
-ZOO = """# The zoo of strain energies
+# The page of all laws is generated from the laws, so that it contains every new law.
+ZOO = """# The laws of the package
 
-These laws come with the package. Each name in the first table leads to the law's equation and
-source. All of them give pressure, stiffness, axial force, models, evidence and classification. How
-their stresses are computed is part of the [theory](theory/laws.md). A law that is not
-here takes [a dozen lines](guides/own_law.md).
+These laws (strain energies) come with the package. Each name in the first table links to the law's
+equation and source. All laws work with all functions: pressure, stiffness, axial force, models,
+evidence and classification. The [theory](theory/laws.md) explains how their stresses are computed.
+You can [add your own law](guides/own_law.md) in a dozen lines.
 
 ```{{eval-rst}}
 .. currentmodule:: pymc_hyperelastic
@@ -149,17 +149,17 @@ The default prior of each parameter is uniform over a fixed range, which
 
 
 def prior_of(parameter: ph.Parameter) -> str:
-    """The ends of a default prior."""
+    """Return the limits of a default prior, as text."""
     return " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in parameter.prior_range)
 
 
 def name_of(parameter: ph.Parameter) -> str:
-    """A name in code, and whether it is that of a vector."""
+    """Return a parameter's name as code, with a note if it is a vector."""
     return f"`{parameter.name}`" + (", a vector" if parameter.size else "")
 
 
 def write_zoo(names: list[str]) -> dict[str, list[tuple[str, ...]]]:
-    """Write the page of all laws, and return the table of each."""
+    """Write the page of all laws, and return a table of parameters for each law."""
     tables, rows = {}, []
     for law in map(ph.StrainEnergy.from_name, sorted(names)):
         tables[law.name] = [
@@ -181,25 +181,25 @@ autosummary_context["parameters"] = write_zoo(autosummary_context["laws"])
 
 
 def name_public_bases(app, name, obj, options, bases) -> None:
-    """Name the nearest base class that is public, as users import it."""
+    """Show the nearest public base class, with the name that users import."""
     public = next(base for base in obj.__mro__[1:] if base.__name__ in (*ph.__all__, "object"))
     if bases and public is not object:
         bases[:] = [f":py:class:`~pymc_hyperelastic.{public.__name__}`"]
 
 
 def link_elsewhere(app, env, node, content):
-    """Lead a name of another package to its page there."""
+    """Link a name of another package to its documentation."""
     if address := LINKS.get(node["reftarget"]):
         return nodes.reference("", "", content, internal=False, refuri=address)
 
 
-# Pages that are run can be taken home as notebooks. What only these pages understand is made plain.
+# Notebook pages can be downloaded as notebooks. Roles and links of Sphinx become plain text there.
 ROLES = re.compile(r"\{(?:func|class|meth|data)\}`~?(?:pymc_hyperelastic\.)?([^`]+)`")
 LINKED_PAGES = re.compile(r"\[([^\]]+)\]\((?!https?:)[^)]*\)|\{\w+\}`([^`<]+?)(?: <[^>]*>)?`")
 
 
 def name_notebook(app, page, template, context, doctree) -> None:
-    """Tell a page that is run where its notebook will lie."""
+    """Write the notebook of a page, and give its address to the template of the page."""
     source = str(app.env.doc2path(page)) if page in app.env.found_docs else ""
     if source.endswith(".md") and "file_format: mystnb" in Path(source).read_text("utf-8")[:300]:
         context["notebook"] = f"_downloads/notebooks/{page.replace('/', '_')}.ipynb"
@@ -214,13 +214,13 @@ def name_notebook(app, page, template, context, doctree) -> None:
 
 
 def show_stored(app, page, source) -> None:
-    """Add to the page of an example what was kept of a run of it."""
+    """Add the stored output and figures of an example to its page."""
     stored = Path(app.srcdir, "stored", Path(page).name)
     if page.startswith("gallery/") and (stored / "output.txt").exists():
         day, *printed = (stored / "output.txt").read_text(encoding="utf-8").splitlines()
         lines = [
             "",
-            "What it prints and draws",
+            "Output and figures",
             "-" * 24,
             "",
             f"{day}.",

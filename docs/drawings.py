@@ -1,7 +1,6 @@
-"""Figures of the reference pages, drawn when they are built: laws, and what plot functions draw.
+"""Draw the figures of the reference pages: the curves of laws, and the figures of plot functions.
 
-Both come from the examples of the docstrings: a law has the material of its example, and a plot
-function draws its own.
+The material of a law and the call of a plot function come from the examples in their docstrings.
 """
 
 import ast
@@ -20,25 +19,25 @@ import pymc_hyperelastic as ph
 
 FOLDER = Path(__file__).resolve().with_name("drawings")
 TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm
-# Their examples save the fits that examples of plot functions open.
+# The examples of these functions save the fits that the examples of plot functions open.
 FITS = ("sample_smc", "fit_classes")
 
 
 def sources_of(name: str) -> list[str]:
-    """Return the statements of a public name's example."""
+    """Return the statements of the example of a public name."""
     examples = doctest.DocTestParser().get_examples(inspect.getdoc(getattr(ph, name)))
     return [example.source for example in examples]
 
 
 def example_of(name: str, until: str) -> str:
-    """Return the code of a public name's example, up to the call of a function."""
+    """Return the code of the example of a public name, up to the call of a function."""
     sources = sources_of(name)
     last = next(i for i, source in enumerate(sources) if f"ph.{until}(" in source)
     return "".join(sources[: last + 1])
 
 
 def draw_law(name: str) -> plt.Figure:
-    """Pressure and axial force over the internal radius at three axial stretches."""
+    """Draw pressure and axial force against the internal radius at three axial stretches."""
     source, names = example_of(name, "inflation_pressure"), {}
     exec(source, names)
     calls = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call))
@@ -62,13 +61,13 @@ def draw_law(name: str) -> plt.Figure:
 
 
 def draw_plot(name: str) -> plt.Figure:
-    """What the example of a plot function draws."""
+    """Draw the figure of the example of a plot function."""
     exec(example_of(name, name).replace('backend="none"', 'backend="matplotlib"'), {})
     return plt.gcf()
 
 
 def draw_all() -> dict[str, list[str]]:
-    """Draw what is not there yet, and name what there is."""
+    """Draw the missing figures, and return the names of all laws and plot functions."""
     FOLDER.mkdir(exist_ok=True)
     laws = [name for name in ph.__all__ if name in ph.list_strain_energies()]
     plots = [name for name in ph.__all__ if name.startswith("plot_")]

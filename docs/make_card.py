@@ -1,4 +1,4 @@
-"""Draw the picture that stands beside a link to these pages: ``python docs/make_card.py``."""
+"""Draw the preview picture of links to this site: ``python docs/make_card.py``."""
 
 from pathlib import Path
 

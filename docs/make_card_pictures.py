@@ -1,4 +1,4 @@
-"""Make ``_static/cards/*.png``, the pictures of the landing page: all of SIMULATED aortas.
+"""Make ``_static/cards/*.png``, the pictures of the front page, from SIMULATED aortas.
 
 Run it as ``python docs/make_card_pictures.py``; it takes about two minutes.
 """
@@ -19,7 +19,7 @@ SAMPLING = {"draws": 1000, "chains": 2, "random_seed": 1, "progressbar": False}
 
 
 def save(name: str) -> None:
-    """Write the current figure, in few colours, and close it."""
+    """Write the current figure with 64 colours, and close it."""
     file = BytesIO()
     plt.gcf().savefig(file, dpi=DPI)
     plt.close()
@@ -28,7 +28,7 @@ def save(name: str) -> None:
 
 
 def axes(xlabel: str, ylabel: str = ""):
-    """An empty picture."""
+    """Return the axes of a new picture."""
     plt.style.use({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
     ax = plt.figure(figsize=SIZE, layout="constrained").add_subplot()
     ax.set(xlabel=xlabel, ylabel=ylabel)
@@ -54,12 +54,12 @@ for i, (specimen, group) in enumerate({"S1": "C1", "S4": "C2"}.items()):
 ax.legend(frameon=False)
 save("fit")
 
-# Classify: a specimen that was left out.
+# Classify a specimen that was left out.
 known = {
     "C1": ph.select(data, specimen=["S1", "S2"]),
     "C2": ph.select(data, specimen=["S4", "S5"]),
 }
-# As in the ten lines above the pictures, whose numbers these are.
+# The same settings, and so the same numbers, as in the ten lines on the front page.
 likelihood = ph.Gaussian(pressure_sd=3 * ph.mmHg)
 seed = {"random_seed": 1, "progressbar": False}
 learned = ph.fit_classes(ph.Ogden(), known, likelihood, variability="specimen", **seed)
@@ -73,7 +73,7 @@ ax.text(1.45, 0.82, "asked for a decision", ha="right", fontsize=8)
 ax.set(ylim=(0, 1), xlim=(-0.5, 1.5), title="new specimen S3: undecided")
 save("classify")
 
-# Compare: what two groups differ by.
+# Compare: differences between two groups.
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # a few draws have no compliance at that pressure
     compared = ph.compare_classes(

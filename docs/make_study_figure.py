@@ -1,4 +1,4 @@
-"""Make ``_static/study.png``, the figure of the README: a study on SIMULATED aortas.
+"""Make ``_static/study.png``, the figure of the README, from a study on SIMULATED aortas.
 
 Run it as ``python docs/make_study_figure.py``; it takes less than a minute.
 """

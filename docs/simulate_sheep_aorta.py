@@ -1,10 +1,11 @@
-"""Make ``simulated_sheep_aorta.csv``: SIMULATED inflation of five aortas, nothing is measured.
+"""Make ``simulated_sheep_aorta.csv``: SIMULATED inflation of five aortas, not measured.
 
-``python docs/simulate_sheep_aorta.py`` writes the file anew, always the same.
+``python docs/simulate_sheep_aorta.py`` writes the file; the result is always the same.
 
-The tissue is a two-fibre-family exponential material, which is none of the package's laws with two
-parameters: whoever fits one of them meets a model error, as with real tissue. The integral over the
-wall is done here, apart from the package's own, so that an error there cannot hide in the data.
+The tissue is an exponential material with two fibre families. It differs from the package's laws
+with two parameters, so that a fit of such a law has a model error, as with real tissue. This file
+has its own integral over the wall, so that an error of the package's integral cannot affect the
+data.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from pymc_hyperelastic.data.units import mmHg
 
 PATH = Path(datasets.__file__).with_name("simulated_sheep_aorta.csv")
 
-# Any number would do; it was not picked for what it gives. It feeds a `RandomState`, whose streams
-# NumPy promises never to change, unlike those of `default_rng`: the file always comes out the same.
+# An arbitrary number, not selected by its result. NumPy guarantees that the streams of
+# `RandomState`, unlike those of `default_rng`, never change, so the file is always the same.
 SEED = 20130801
 
 CLASSES = {"C1": ("S1", "S2", "S3"), "C2": ("S4", "S5")}
@@ -30,14 +31,14 @@ N_POINTS = 20
 # The unloaded tube (mm): thick-walled, with the axial stretch 1 and no opening angle.
 INNER_RADIUS, OUTER_RADIUS = 7.0, 9.0
 
-# Fibres run at this angle on both sides of the circumferential direction.
+# The two fibre families have this angle on both sides of the circumferential direction.
 FIBRE_ANGLE = np.deg2rad(40.0)
 
 # Class medians of c (kPa), k1 (kPa), k2 (1).
 MEDIANS = {"C1": (55.0, 24.0, 2.0), "C2": (70.0, 32.0, 3.0)}
 
-# Standard deviations of the logarithms of c, k1, k2: between specimens, then between the
-# experiments on one specimen. A specimen with more collagen stiffens sooner: k1 and k2 go together.
+# Standard deviations of the logarithms of c, k1, k2: between specimens, and between the experiments
+# on one specimen. A specimen with more collagen stiffens sooner, so k1 and k2 are correlated.
 SPECIMEN_SD = np.array([0.04, 0.06, 0.05])
 EXPERIMENT_SD = np.array([0.015, 0.02, 0.02])
 CORRELATION = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.6], [0.0, 0.6, 1.0]])
@@ -51,7 +52,7 @@ def pressure(internal_radius: np.ndarray, c: float, k1: float, k2: float) -> np.
     r"""Inflation pressure of the two-fibre tube.
 
     The energy is :math:`W = \frac c2 (I_1 - 3) + \frac{k_1}{2 k_2} \sum_{i=4,6}
-    (e^{k_2 (I_i - 1)^2} - 1)`, a fibre family counting only while it is stretched,
+    (e^{k_2 (I_i - 1)^2} - 1)`, where only stretched fibres contribute,
     and :math:`p = \int_A^B \frac{1}{r} \frac{\partial W}{\partial \lambda_\theta} \, dR`.
 
     Parameters
@@ -61,7 +62,7 @@ def pressure(internal_radius: np.ndarray, c: float, k1: float, k2: float) -> np.
     c, k1 : float
         Stiffness of the matrix and of the fibres, kPa.
     k2 : float
-        How soon the fibres stiffen.
+        Rate of stiffening of the fibres.
 
     Returns
     -------
@@ -128,7 +129,7 @@ def simulate() -> pd.DataFrame:
 def _inflate(
     rng: np.random.RandomState, c: float, k1: float, k2: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Inflate one tube in equal steps of volume and read radius (mm) and pressure (mmHg)."""
+    """Inflate one tube in equal steps of volume; return radii (mm) and pressures (mmHg)."""
     first = INNER_RADIUS + rng.uniform(0.04, 0.14)
     final_pressure = rng.normal(FINAL_PRESSURE, FINAL_PRESSURE_SD)
     grid = np.linspace(first, 12.0, 2000)
@@ -137,7 +138,7 @@ def _inflate(
     progress = np.linspace(0.0, 1.0, N_POINTS)
     radius = np.sqrt(first**2 + progress * (last**2 - first**2)).round(3)
 
-    # Smooth errors that start from zero: a gauge is set to zero first and then drifts.
+    # Smooth errors that start at zero: the gauge is zeroed at the start, and then drifts.
     drift = sum(
         rng.normal(scale=DRIFT_SD / order) * np.sin((order - 0.5) * np.pi * progress)
         for order in (1, 2, 3)
@@ -147,12 +148,12 @@ def _inflate(
 
 
 def csv_text() -> str:
-    """Give the content of ``simulated_sheep_aorta.csv``.
+    """Return the content of ``simulated_sheep_aorta.csv``.
 
     Returns
     -------
     str
-        A comment line that says what the file is, the column names, the points.
+        A comment line about the file, the column names, and the points.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Keep what an example that takes long prints and draws: ``python docs/store_example.py NAME``.
+"""Store the output and figures of a long example: ``python docs/store_example.py NAME``.
 
-Its page in the gallery shows that, and the day on which it was run. In a folder that is named,
-``--folder FOLDER``, it goes on with what it has kept there.
+The page of the example in the gallery shows them, with the date of the run. With
+``--folder FOLDER``, an interrupted run continues from the files in that folder.
 """
 
 import argparse
@@ -19,7 +19,7 @@ EXAMPLES = DOCS.parent / "examples"
 
 
 def store(name: str, place: Path | None) -> None:
-    """Run an example, and keep its output and its figures."""
+    """Run an example, and store its output and figures."""
     kept = DOCS / "stored" / name
     with tempfile.TemporaryDirectory() as empty:
         folder = place or Path(empty)

@@ -1,30 +1,29 @@
 """
-Before and after: what elastase does to a wall, animal by animal
-================================================================
+Before and after: the effect of elastase on a wall, animal by animal
+====================================================================
 
-Sixteen **measured** vaginal walls of eight mice, each before and after elastase, by all seven
-protocols: in what do they differ, by how much, and how sure is that? The same animal before and
-after is its own control. Beside the comparison of pairs stands that of the two groups as if the
-animals were others.
+Sixteen **measured** vaginal walls of eight mice, each before and after elastase, were tested with
+seven protocols. Which properties differ, by how much, and with what probability? Each animal is its
+own control. For comparison, the two groups are also compared as if they were different animals.
 
-Laws, noise, thickness and their priors are those of
-:doc:`leave_one_animal_out_all_signals`, chosen there before any result was known; so were the
-quantities, those which laboratories report, at 7 mmHg and an axial stretch of 1.2.
+Laws, noise, thickness and their priors are those of :doc:`leave_one_animal_out_all_signals`. They
+were chosen before any result was known. So were the quantities, which laboratories usually report,
+at 7 mmHg and an axial stretch of 1.2.
 
-**What this can and cannot show.** Each quantity is judged by itself, and nothing is corrected for
-their number. Eight animals tell how large a common effect is; what a single new specimen tells is
-known far less. A comparison is one of materials, in one tube: if elastase changes the unloaded
-thickness, that is not part of it. A specimen that was mounted again after the treatment was
-measured twice in every respect, so that differences of set-up are part of the change.
+**Limits.** Each quantity is compared separately, without a correction for their number. Eight
+animals determine the size of a common effect, but hardly the classification of a single new
+specimen. The comparison is one of materials, in one tube: a change of the unloaded thickness is not
+included. If a specimen was mounted again after the treatment, differences of the set-up are part of
+the change.
 
-**What was found.** Axial stress, axial stiffness and stored energy fell in most animals; around
-the tube no change was seen, though one of a quarter or more is not excluded. No 95 % interval
-leaves out zero, and the Bayes factor of "different" over "the same" is 1: eight animals leave it
-open. As if the animals were others, intervals are wider.
+**Results.** Axial stress, axial stiffness and stored energy fell in most animals. In the
+circumferential direction no change was found, but a change of a quarter or more is not excluded.
+All 95 % intervals contain zero, and the Bayes factor of "different" over "the same" is 1: eight
+animals do not decide. If the animals are treated as different ones, the intervals are wider.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
-which has to lie beside this script and says where it looks for the tables.
+(2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
+them. Save it beside this script; it states where it looks for the tables.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/before_and_after/the_same_animals.png"
@@ -41,7 +40,7 @@ import pymc_hyperelastic as ph
 
 DRAWS = 1000
 LAWS = ["Ogden", "HolzapfelGasserOgden"]
-OUT = Path("results/before_and_after")  # where results go
+OUT = Path("results/before_and_after")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
@@ -98,7 +97,7 @@ AT = ph.Conditions(7.0, pressure_unit="mmHg", tube=ph.Tube(axial_stretch=1.2))
 
 
 def table_of(compared: xr.Dataset) -> pd.DataFrame:
-    """Of the typical specimens, or of the typical change."""
+    """Return a table of the typical specimens, or of the typical change."""
     typical = compared.sel(statistic="typical").squeeze("comparison")
     columns = {
         "difference": typical["difference"],
@@ -106,7 +105,7 @@ def table_of(compared: xr.Dataset) -> pd.DataFrame:
         "high": typical["difference_interval"].sel(bound="high"),
         "P(rises)": typical["probability_of_rise"],
         "effect size": typical["effect_size"],
-        "one tells": typical["best_accuracy"],
+        "accuracy": typical["best_accuracy"],
         "prior": typical["prior_sensitivity"],
         "likelihood": typical["likelihood_sensitivity"],
         "lacking": typical["lacking"].max("group"),

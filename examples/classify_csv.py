@@ -2,13 +2,13 @@
 Classify the curves of a CSV file
 =================================
 
-From the table of a laboratory to a report in three steps: read it, fit a class to each group, and
-write what new specimens are. The file that comes with this example, :download:`curves.csv`, has to
-lie beside it and holds the **simulated** sheep aortas. Name your own in its place. Units stand in
-the names of its columns, and a column ``split`` says which rows teach the classes and which are
-new. Here the new ones are further experiments on the specimens that taught, as a warning says.
+From the table of a laboratory to a report in three steps: read the table, fit a class to each
+group, and classify new specimens. Save the file :download:`curves.csv` beside this script. It holds
+the **simulated** sheep aortas; replace it with your own file. The names of its columns contain the
+units. A column ``split`` states which rows are training data and which are new. In this example the
+new rows are further experiments on the training specimens, which causes a warning.
 
-The command ``pymc-hyperelastic`` does the same without Python, and takes more options::
+The command ``pymc-hyperelastic`` does the same without Python, and has more options::
 
     pymc-hyperelastic check curves.csv
     pymc-hyperelastic fit curves.csv
@@ -23,13 +23,14 @@ import pymc_hyperelastic as ph
 FILE = "curves.csv"
 
 # %%
-# What was understood of the table is said; what is wrong with it would be, row by row.
+# Read the table, and print how each column was read. An error message would list the problems row
+# by row.
 data = ph.read_tests(FILE)
 print(data.attrs["understood"])
 known, new = ph.select(data, split="train"), ph.select(data, split="new")
 
 # %%
-# Specimens of a group differ, and how large the errors are is inferred.
+# Fit a class with variability to each group. The size of the errors is inferred.
 groups = {name: ph.select(known, group=name) for name in sorted(set(known["group"].values))}
 classes = ph.fit_classes(
     ph.Ogden(),
@@ -45,10 +46,10 @@ result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1
 print(result[["class_probability", "p_value", "decision"]].to_dataframe())
 
 # %%
-# The same in a figure, with the limit of the p-values (diamonds): where all are below it, a
-# specimen is like none of the classes.
+# The figure shows the class probabilities (bars), the p-values (diamonds) and their limit. If all
+# p-values are below the limit, the decision is "none of these".
 figure = ph.plot_class_probability(result, none_below=0.05)
 
 # %%
-# One file holds it all: warnings first, then data, fits, decisions, and a paragraph of methods.
+# Write a report: warnings first, then data, fits, decisions, and a paragraph on the methods.
 ph.report({"Classes": classes, "New specimens": result}, "report.html", new)

@@ -1,24 +1,23 @@
 """
-Leave one animal out: probabilities of class that can be trusted
-================================================================
+Leave one animal out: reliable class probabilities
+==================================================
 
-Is a vaginal wall that was treated with elastase told from one that was not, by its inflation curves
-alone? Each of these **measured** tubes, of eight mice before and after elastase, is classified by
-those of the other seven mice; both states of an animal are left out together.
+Can inflation curves alone distinguish vaginal walls with and without elastase treatment? The tubes
+of eight mice were **measured** before and after elastase. Each is classified with classes that were
+fitted to the other seven mice. Both states of an animal are left out together.
 
-In the paper's scheme all specimens of a class share one set of parameters. Real ones do not, and
-the more is measured, the surer that scheme gets of answers that are wrong. With variability each
-specimen has its own parameters, drawn from a distribution of its class.
+In the paper's pooled scheme all specimens of a class share one set of parameters. Real specimens
+differ, so more measurements make this scheme more certain, also if its answer is wrong. With
+variability, each specimen has its own parameters, drawn from a distribution of its class.
 
-**What this can and cannot show.** A score of −0.69 is that of a coin. Eight animals are few: the
-standard error of the mean score is printed beside it. Strain energies are weighed by the evidence
-of the other animals alone, and priors are the package's defaults. That experiments on a specimen
-differ, and more so on some specimens than on others, was put into the model after these very data
-had been looked at; no number was adjusted to the score.
+**Limits.** A coin toss has a log score of −0.69. Eight animals are few: the standard error of the
+mean score is printed too. The laws are weighted by the evidences of the other animals, and the
+priors are the defaults. The differences between experiments on a specimen were added to the model
+after these data had been seen. No number was adjusted to improve the score.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
-which has to lie beside this script and says where it looks for the tables.
+(2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
+them. Save it beside this script; it states where it looks for the tables.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/leave_one_animal_out/true_class.png"
@@ -35,14 +34,14 @@ import xarray as xr
 import pymc_hyperelastic as ph
 
 DRAWS = 1000
-OUT = Path("results/leave_one_animal_out")  # where results go
+OUT = Path("results/leave_one_animal_out")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
-# The specimens, and the animals that they are of
-# -----------------------------------------------
-# The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
-# there the wall, which lies folded at rest, is unfolding.
+# The specimens and their animals
+# -------------------------------
+# The stress-free tube is the opened ring. Points below 3.5 mmHg are left out, because the wall is
+# still folded there.
 data, geometry = murine_tables.read()
 groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
@@ -50,9 +49,8 @@ animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 # %%
 # Pooled, and with variability
 # ----------------------------
-# The pooled classes have the noise of the gauge, 2 mmHg; there is no other place for what a class's
-# specimens do not share. With variability the noise of each specimen is inferred, its median over a
-# class within a factor of ten of 1 mmHg.
+# The pooled classes have a fixed noise of 2 mmHg. With variability the noise of each specimen is
+# inferred; the prior of its median over a class is 1 mmHg within a factor of ten.
 LAWS = [ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()]
 settings = {
     "leave_out": animals,
@@ -80,7 +78,7 @@ for name, report in {"pooled": pooled, "population": population}.items():
 # %%
 # The table
 # ---------
-# Natural logarithm of the probability of the true class.
+# The table shows the natural logarithm of the probability of the true class.
 scores = {
     (scheme, law): report["log_score"].sel(strain_energy=law).to_series()
     for scheme, report in {"pooled": pooled, "population": population}.items()

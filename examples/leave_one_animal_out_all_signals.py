@@ -1,36 +1,37 @@
 """
-Leave one animal out, with all that was measured
-================================================
+Leave one animal out, with all measurements
+===========================================
 
-The same sixteen **measured** vaginal walls as in :doc:`leave_one_animal_out`, before and after
-elastase, with everything that was measured: three inflation and four extension tests, pressures
-and axial forces, fibres in the wall, and a thickness that is not known exactly. Each specimen is
-classified by those of the other seven mice.
+This example uses the sixteen **measured** vaginal walls of :doc:`leave_one_animal_out`, before and
+after elastase, with all measurements: three inflation and four extension tests, pressures and axial
+forces. The model has fibres in the wall, and a thickness with a measurement error. Each specimen is
+classified with classes that were fitted to the other seven mice.
 
-**What was chosen before the run**, and stands here as it was chosen:
+**Choices made before the run:**
 
-- Points of inflation tests below 3.5 mmHg are left out, as everywhere: the wall is unfolding.
-- The thickness of each specimen is inferred. Controls 1 to 4 share one value of a batch, and so do
-  controls 5 to 8 and the treated specimens 1 to 3. Theirs has the standard deviation of the five
-  values that were measured one by one, 0.084 mm; that of these five has 0.02 mm.
-- Sizes of errors of pressures and forces are inferred of each specimen, within a factor of ten of
-  1 mmHg and 1 mN at the median of a class. An offset of the transducer of 20 mN or so is integrated
-  out for each test.
-- Laws: Ogden's solid, and that of Holzapfel, Gasser and Ogden; weighed by the evidence of the other
-  animals. All else is the package's default; experiments on one specimen share its material.
+- Points of inflation tests below 3.5 mmHg are left out: the wall is still folded there.
+- The thickness of each specimen is inferred. Controls 1 to 4 have one common measured value. So do
+  controls 5 to 8 and the treated specimens 1 to 3. The thickness of the other five specimens was
+  measured individually. The error of an individual value has a standard deviation of 0.02 mm. The
+  error of a common value has the standard deviation between the five individual values, 0.084 mm.
+- The standard deviations of the errors of pressure and force are inferred for each specimen; the
+  priors of their medians over a class are 1 mmHg and 1 mN within a factor of ten. Each test has an
+  unknown offset of the force transducer with a standard deviation of 20 mN, which is integrated
+  out.
+- The laws are those of Ogden, and of Holzapfel, Gasser and Ogden, weighted by the evidences of the
+  other animals. All other settings are defaults; experiments on one specimen share its material.
 
-**What this can and cannot show.** A score of −0.69 is that of a coin. Eight animals are few: the
-standard error of the mean score is printed beside it.
+**Limits.** A coin toss has a log score of −0.69. Eight animals are few: the standard error of the
+mean score is printed too.
 
-**What was found.** The evidence of the other animals chooses the law with fibres for every one of
-them. Its mean score is −0.54 ± 0.13, a little better than a coin; that of Ogden's solid is
-−0.63 ± 0.19. By inflation tests alone the law that was chosen there, the Criscione-type, had −0.73,
-and Ogden's −0.68. What that rests on is looked into on the page
-:doc:`/project/probabilities`.
+**Results.** For every animal, the evidence of the other animals prefers the law with fibres. Its
+mean log score is −0.54 ± 0.13, a little better than a coin toss; that of Ogden's law is −0.63 ±
+0.19. With inflation tests alone, the preferred law, the Criscione-type, had −0.73, and Ogden's law
+−0.68. The page :doc:`/project/probabilities` discusses the reasons.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
-which has to lie beside this script and says where it looks for the tables.
+(2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
+them. Save it beside this script; it states where it looks for the tables.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/leave_one_animal_out_all_signals/true_class.png"
@@ -48,8 +49,8 @@ import pymc_hyperelastic as ph
 
 DRAWS = 1000
 LAWS = ["Ogden", "HolzapfelGasserOgden"]
-KNOWN_THICKNESS = False  # whether thicknesses are taken as known
-OUT = Path("results/all_signals")  # where results go
+KNOWN_THICKNESS = False  # if True, thicknesses are exact
+OUT = Path("results/all_signals")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
@@ -86,7 +87,8 @@ report.to_netcdf(OUT / "report.nc")
 # %%
 # The table
 # ---------
-# Natural logarithm of the probability of the true class, and whether it can be trusted.
+# The tables show the natural logarithm of the probability of the true class, and the verdict on its
+# reliability.
 table = report["log_score"].transpose("specimen", ...).to_pandas()
 rows = len(table)
 table.loc["mean"] = table.iloc[:rows].mean()

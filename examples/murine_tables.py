@@ -1,4 +1,4 @@
-"""The tables of the murine vaginal walls, before and after elastase, as inflation data.
+"""Read the tables of the murine vaginal walls, before and after elastase, as inflation data.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package.
@@ -23,18 +23,16 @@ murine_elastase_pd.csv, one row a point: specimen, test (test1, test2, test3 by 
   stretch), axial_stretch, pressure_mmHg, outer_diameter_um, transducer_force_mN
 murine_elastase_fl.csv, the same of the extension tests (force_length1 to 4 by rising pressure)
 """
-# Below this pressure the wall, which lies folded at rest, is unfolding: there is no tube yet.
+# Below this pressure the wall is still folded, and not a tube.
 LOWEST = 3.5  # mmHg
 
 
 def read(folder: Path = FOLDER, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFrame]:
-    """Inflation data of all specimens, and the table of these.
+    """Return the inflation data of all specimens, and the table of specimens.
 
-    A ring of the unloaded tube that is cut springs open. The radii are those of the ring, and the
-    angle is Fung's, from the middle of the inner side to the two ends: half of what the sector
-    lacks of a full circle.
-
-    With the tests that were `extended` there are axial forces, up to an offset of each test.
+    The radii are those of the closed ring. The opening angle is Fung's, measured from the middle of
+    the inner side to the two ends of the sector. If `extended`, the data include the extension
+    tests, and axial forces with an unknown offset in each test.
     """
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}{FORMAT}")

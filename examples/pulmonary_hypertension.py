@@ -2,16 +2,15 @@
 A real artery: control against pulmonary hypertension
 =====================================================
 
-Measured inflation of mouse left pulmonary arteries: the mean curve of controls and that of animals
-with hypoxic pulmonary hypertension, 11 points each. Every other point of a curve trains its class,
-and the rest is classified.
+The data are measured inflation curves of mouse left pulmonary arteries: the mean curve of controls,
+and the mean curve of animals with hypoxic pulmonary hypertension, with 11 points each. Every other
+point of a curve is training data of its class. The other points are classified.
 
-**What this can and cannot show.** Each group is one mean curve. The posteriors show how the mean
-hypertensive artery differs from the mean control. The points left out belong to the same two
-curves, so that classifying them checks the method and is no evidence about animals: nothing here
-says how much the animals of a group differ, or whether a single new animal could be classified.
-The laws follow the control's curve badly, and neighbouring points err alike: the true uncertainty
-is larger than these posteriors say.
+**Limits.** Each group is one mean curve. The posteriors show how the mean hypertensive artery
+differs from the mean control. The points that are classified belong to the same two curves.
+Classifying them checks the method, but gives no information about the differences between animals,
+or about the classification of a new animal. The laws fit the control's curve badly, and the errors
+of neighbouring points are correlated: the true uncertainty is larger than these posteriors show.
 """
 
 from pathlib import Path
@@ -26,22 +25,22 @@ import pymc_hyperelastic as ph
 SIGMA = 8 * ph.mmHg
 GROUPS = ("control", "hypertensive")
 
-DRAWS, CHAINS = 2000, 4  # particles of a chain, and independent runs
-OUT = Path("results/pulmonary_hypertension")  # where results go
+DRAWS, CHAINS = 2000, 4  # draws in a chain, and number of chains
+OUT = Path("results/pulmonary_hypertension")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 
 def every_other_point(data: xr.Dataset, first: int) -> xr.Dataset:
-    """Points `first`, `first` + 2, ... of every curve."""
+    """Return the points `first`, `first` + 2, ... of every curve."""
     position = np.concatenate([np.arange(n) for n in np.bincount(data["test"])])
     return data.isel(obs=position % 2 == first)
 
 
 # %%
-# The data, and what trains the classes
-# -------------------------------------
-# The slope weight makes errors of slope and of pressure weigh alike. It is computed once, from all
-# data: evidences of classes can only be compared under one likelihood.
+# The data and the training data
+# ------------------------------
+# The slope weight gives slopes and pressures the same weight. It is computed once, from all data,
+# because evidences can be compared only if the likelihood is the same.
 data = ph.load_dataset("murine_pulmonary_artery")
 likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weight(data))
 training = {name: ph.select(every_other_point(data, 0), group=name) for name in GROUPS}
@@ -73,9 +72,9 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
 # %%
 # The numbers
 # -----------
-# Ogden's α and the Criscione-type law's b may have either sign: their posteriors have two mirrored
-# modes, and the absolute value is what has a mean. The parameters describe the tissue from the
-# stretched state in the chamber on, since the unloaded artery was not measured.
+# Ogden's α and b of the Criscione-type law may be positive or negative: their posteriors have two
+# mirrored modes. Therefore the table shows the mean of the absolute value. The reference of the
+# parameters is the stretched state in the chamber, because the unloaded artery was not measured.
 rows = []
 for law, classes in fitted.items():
     for name, other in (GROUPS, GROUPS[::-1]):

@@ -2,35 +2,36 @@
 Seven protocols: predict each from the six others
 =================================================
 
-Laboratories test a vessel by seven protocols: inflation at three axial stretches, and axial
-extension at four held pressures. Each of these **measured** tubes, the vaginal walls of eight mice
-before and after elastase, was. Every protocol is left out in turn, a law is fitted to the pressures
-and axial forces of the six others, and what was measured in the one left out is predicted for each
-specimen: the outer diameter at its pressures and axial stretches, and the axial force.
+The vaginal walls of eight mice, before and after elastase, were **measured** with seven protocols:
+inflation at three axial stretches, and axial extension at four constant pressures. Each protocol is
+left out in turn. A law is fitted to the pressures and axial forces of the other six, and predicts
+the protocol that was left out for each specimen: the outer diameter at the measured pressures and
+axial stretches, and the axial force.
 
-**What this can and cannot show.** Three of the seven protocols lie between two of their kind, and
-all are of the same specimen: an error says how well a law couples two directions and two signals,
-not how well it speaks of another animal. The comparison needs no material at all: what lies on the
-straight line through the two neighbouring protocols. A law has to earn its place against that.
+**Limits.** Three of the seven protocols lie between two similar protocols, and all protocols are of
+the same specimen. The errors therefore show how well a law describes the coupling of two directions
+and two signals, not how well it predicts another animal. The reference is a prediction without a
+law: the straight line through the two neighbouring protocols.
 
-**What was found.** Over all seven protocols the median error of the diameter is 147 µm for Ogden's
-solid, 152 µm for the two families of fibres of Holzapfel, Gasser and Ogden, 72 µm for four families
-of fibres, and 24 µm on the straight line; of the force it is 6.6, 3.8, 1.7 and 0.6 mN. None of the
-laws comes near the line.
+**Results.** Over all seven protocols the median error of the diameter is 147 µm for Ogden's law,
+152 µm for the two fibre families of Holzapfel, Gasser and Ogden, 72 µm for four fibre families, and
+24 µm for the straight line. The median error of the force is 6.6, 3.8, 1.7 and 0.6 mN. The straight
+line is much better than all laws.
 
-It is the laws that stand in the way, not what they had to learn from: fitted to all seven protocols
-they still err by 127, 131 and 60 µm, and by 6.2, 3.7 and 1.6 mN. In the extension tests at the two
-higher pressures four families err by 23 and 26 µm, where the line has 13 and 24. Each of these two
-left out, they err by 27 and 38 µm, where the others have 55 to 194; the line, 13 and 24, is still
-nearer. What four families do not follow either is the wall at the smallest pressure, 2 mmHg in the
-first of the extension tests: 231 µm, though it was fitted to them, and 286 µm where it was left
-out. Whether it is quite unfolded there nobody measured. The second extension test, left out, gives
-84 µm, where the line has 22, and the inflation tests by rising axial stretch give 96, 53 and 60,
-where it has 40, 20 and 42.
+The laws cause these errors, not the lack of training data: fitted to all seven protocols, the laws
+still have errors of 127, 131 and 60 µm, and of 6.2, 3.7 and 1.6 mN. In the extension tests at the
+two higher pressures, the fitted law with four families has errors of 23 and 26 µm, and the line of
+13 and 24 µm. If these tests are left out, the law with four families has 27 and 38 µm, the other
+laws 55 to 194 µm, and the line again 13 and 24 µm. The law with four families also does not
+describe the wall at the smallest pressure, 2 mmHg in the first extension test: the error is 231 µm
+if this test is fitted, and 286 µm if it is left out. It was not measured whether the wall is
+completely unfolded there. If the second extension test is left out, the error is 84 µm (line: 22
+µm). For the inflation tests by rising axial stretch it is 96, 53 and 60 µm (line: 40, 20 and 42
+µm).
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
-which has to lie beside this script and says where it looks for the tables.
+(2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
+them. Save it beside this script; it states where it looks for the tables.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/seven_protocols/errors.png"
@@ -48,24 +49,25 @@ import xarray as xr
 import pymc_hyperelastic as ph
 
 DRAWS = 500
-FITTED_ALONE = False  # whether none is left out: how well laws follow all seven
-SPECIMENS = None  # names of some of them, or all
-OUT = Path("results/seven_protocols")  # where results go
+FITTED_ALONE = False  # if True, only fit all seven protocols, and leave none out
+SPECIMENS = None  # names of specimens; None for all
+OUT = Path("results/seven_protocols")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
-# What was chosen before anything was predicted
-# ---------------------------------------------
-# Points of inflation tests below 3.5 mmHg are left out: there the wall, which lies folded at rest,
-# is unfolding. The extension tests at about 2 mmHg are kept: they are one of the seven, in which
-# the wall stays unfolded as it shortens. Thickness and opening angle are taken as known.
+# Choices made before the predictions
+# -----------------------------------
+# Points of inflation tests below 3.5 mmHg are left out, because the wall is still folded there. The
+# extension tests at about 2 mmHg are kept: they are one of the seven protocols, and the wall stays
+# unfolded as it shortens. Thickness and opening angle are exact.
 #
-# Ogden's solid is isotropic; the other two laws have fibres. Specimens of a group differ, and learn
-# from each other what is usual: priors are the package's own, of the group's distribution. The
-# sizes of the errors of pressures and of forces are inferred of each specimen, within a factor of
-# ten of 1 mmHg and of 1 mN, and no weight is set by hand. The transducer was not set to zero before
-# each test: its offset, 20 mN or so, is integrated out. For the same reason only the shape of the
-# force can be predicted: from the error of a protocol's forces their mean is taken away.
+# Ogden's law is isotropic; the other two laws have fibres. The classes have variability with the
+# default priors, so a specimen also uses information from the other specimens of its group. The
+# standard deviations of the errors of pressure and force are inferred for each specimen, with
+# priors of 1 mmHg and 1 mN within a factor of ten. No weight is set by hand. The transducer was not
+# set to zero before each test: its offset, with a standard deviation of 20 mN, is integrated out.
+# Therefore only the shape of the force can be predicted: the mean is subtracted from the errors of
+# the forces of a protocol.
 data, geometry = murine_tables.read(extended=True)
 if SPECIMENS:
     data = ph.select(data, specimen=SPECIMENS)
@@ -74,7 +76,7 @@ specimens = [name for name in geometry["specimen"] if name in set(data["specimen
 INFLATION = ["test1", "test2", "test3"]
 EXTENSION = ["force_length1", "force_length2", "force_length3", "force_length4"]
 PROTOCOLS = INFLATION + EXTENSION
-LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # the last: 5 minutes a class
+LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # FourFiber: 5 minutes a class
 FACTOR_TEN = np.log(10) / 2
 LIKELIHOOD = ph.Gaussian(
     pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
@@ -85,7 +87,7 @@ SIGNALS = ["outer_diameter", "axial_force"]
 
 
 def predicted(tree: xr.DataTree, specimen: str, left_out: pd.DataFrame) -> pd.DataFrame:
-    """Medians of outer diameter (mm) and axial force (mN) of a specimen at points of a protocol."""
+    """Return the median outer diameter (mm) and axial force (mN) at the points of a protocol."""
     tube = ph.Tube(axial_stretch=left_out["axial_stretch"].values)
     at = ph.Conditions(left_out["pressure"].values, tube=tube)
     with warnings.catch_warnings():
@@ -105,7 +107,7 @@ def predicted(tree: xr.DataTree, specimen: str, left_out: pd.DataFrame) -> pd.Da
 
 
 def between(points: pd.DataFrame, protocol: str) -> pd.DataFrame:
-    """The same without a law, on the straight line through the two neighbouring protocols.
+    """Predict without a law, on the straight line through the two neighbouring protocols.
 
     Inflation tests are compared at the same pressure, along the axial stretch, and extension tests
     at the same axial stretch, along the pressure.
@@ -129,7 +131,7 @@ def between(points: pd.DataFrame, protocol: str) -> pd.DataFrame:
 
 
 def table_of(specimen: str) -> pd.DataFrame:
-    """Points of a specimen, with the protocol and the axial stretch of each."""
+    """Return the points of a specimen, with their protocols and axial stretches."""
     own = ph.select(data, specimen=specimen)
     frame = pd.DataFrame({x: own[x].values for x in ("pressure", *SIGNALS)})
     of_point = own["axial_stretch"].values, own["experiment"].values[own["test"].values]
@@ -137,9 +139,9 @@ def table_of(specimen: str) -> pd.DataFrame:
 
 
 # %%
-# Leave each protocol out, and none
+# Leave out each protocol, and none
 # ---------------------------------
-# What has been found is kept: a run that was interrupted goes on.
+# Results are stored, and an interrupted run continues.
 NOBODY, FITTED = "(between)", ", fitted"
 points = {specimen: table_of(specimen) for specimen in specimens}
 known = OUT / "errors.csv"
@@ -147,19 +149,19 @@ rows = [pd.read_csv(known)] if known.exists() else []
 
 
 def lacks(law: str, protocol: str) -> bool:
-    """Whether a protocol is still to be predicted by a law."""
+    """Return True if the prediction of a protocol by a law is still missing."""
     return not any(((of["law"] == law) & (of["protocol"] == protocol)).any() for of in rows)
 
 
 def add_errors(law: str, protocol: str, specimen: str, values: pd.DataFrame) -> None:
-    """Keep what a prediction errs by; of forces less their mean."""
+    """Store the errors of a prediction; the mean is subtracted from the errors of forces."""
     error = values - points[specimen].loc[values.index, SIGNALS]
     error["axial_force"] -= error["axial_force"].mean()
     rows.append(error.assign(law=law, protocol=protocol, specimen=specimen))
 
 
 def fitted_to(energy: ph.StrainEnergy, protocols: list[str]) -> xr.DataTree:
-    """Classes of these protocols."""
+    """Fit classes to these protocols."""
     kept = ph.select(data, experiment=protocols)
     there = dict.fromkeys(groups[name] for name in specimens)
     return ph.fit_classes(
@@ -175,7 +177,7 @@ def fitted_to(energy: ph.StrainEnergy, protocols: list[str]) -> xr.DataTree:
 
 
 def add_predicted(law: str, classes: xr.DataTree, protocol: str) -> None:
-    """Keep what the classes' specimens err by in a protocol."""
+    """Store the errors of all specimens in a protocol."""
     for specimen in specimens:
         there = points[specimen][points[specimen]["experiment"] == protocol]
         add_errors(law, protocol, specimen, predicted(classes[groups[specimen]], specimen, there))
@@ -185,7 +187,7 @@ for protocol in PROTOCOLS if lacks(NOBODY, PROTOCOLS[0]) else []:
     for specimen in specimens:
         add_errors(NOBODY, protocol, specimen, between(points[specimen], protocol))
 for energy in LAWS:
-    # Fitted to all seven, a law says how well it can follow them at all.
+    # The errors of a fit to all seven protocols show how well the law can describe them at best.
     if lacks(f"{energy.name}{FITTED}", PROTOCOLS[0]):
         print(f"{energy.name}: all seven", flush=True)
         classes = fitted_to(energy, PROTOCOLS)
@@ -204,7 +206,8 @@ errors = pd.concat(rows)
 # %%
 # The numbers
 # -----------
-# Medians over the points of all specimens. Points to which no draw reaches count as the worst.
+# The tables show medians over the points of all specimens. If no draw reaches a point, its error is
+# infinite.
 laws = [NOBODY]
 for energy in LAWS:
     laws += [f"{energy.name}{FITTED}", *([] if FITTED_ALONE else [energy.name])]

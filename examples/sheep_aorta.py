@@ -1,13 +1,13 @@
 """
-Sheep aortas: which class does a new experiment belong to?
+Sheep aortas: to which class does a new experiment belong?
 ==========================================================
 
-The whole study on **simulated** data: nothing here was measured. Five aortas in two classes, C1
-and C2, are inflated three times each. Experiments 1 and 2 train the classes; experiment 3 of each
-aorta is new and is classified. Three strain energies do the same job, to be compared.
+This is the whole study on **simulated** data. Five aortas in two classes, C1 and C2, are inflated
+three times each. Experiments 1 and 2 are the training data of the classes. Experiment 3 of each
+aorta is new and is classified. The study compares three strain energies.
 
-All specimens of a class share one set of parameters here, as in the paper. Probabilities are then
-surer of themselves than the differences between specimens allow.
+As in the paper, all specimens of a class share one set of parameters (pooled classes). The class
+probabilities are then over-confident, because specimens differ.
 """
 
 from pathlib import Path
@@ -17,19 +17,19 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-# Specimens of a class scatter by some 10 mmHg at high pressure, as a standard deviation; σ is √2 of
-# it.
+# The standard deviation between specimens of a class is about 10 mmHg at high pressure; σ is √2
+# standard deviations.
 SIGMA = 15 * ph.mmHg
 
-DRAWS, CHAINS = 2000, 4  # particles of a chain, and independent runs
-OUT = Path("results/sheep_aorta")  # where results go
+DRAWS, CHAINS = 2000, 4  # draws in a chain, and number of chains
+OUT = Path("results/sheep_aorta")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
-# The data, and what trains the classes
-# -------------------------------------
-# The slope weight makes errors of slope and of pressure weigh alike. It is computed once, from all
-# data: evidences of classes can only be compared under one likelihood.
+# The data and the training data
+# ------------------------------
+# The slope weight gives slopes and pressures the same weight. It is computed once, from all data,
+# because evidences can be compared only if the likelihood is the same.
 data = ph.load_dataset("simulated_sheep_aorta")
 likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weight(data))
 training = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
@@ -40,7 +40,7 @@ ph.plot_inflation(data, pressure_unit="mmHg").savefig(OUT / "data.png", dpi=150)
 # %%
 # Fit the classes, and classify the new experiments
 # -------------------------------------------------
-# Fitted classes are stored and read back: what is in the file classifies the new experiments.
+# The fitted classes are saved, opened again, and then used to classify the new experiments.
 fitted, results = {}, {}
 for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     law = energy.name
@@ -63,8 +63,8 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
 # %%
 # The numbers
 # -----------
-# Ogden's α and the Criscione-type law's b may have either sign: their posteriors have two mirrored
-# modes, and the absolute value is what has a mean.
+# Ogden's α and b of the Criscione-type law may be positive or negative: their posteriors have two
+# mirrored modes. Therefore the table shows the mean of the absolute value.
 rows = []
 for law, classes in fitted.items():
     for name, other in (("C1", "C2"), ("C2", "C1")):

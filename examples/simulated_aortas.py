@@ -2,34 +2,36 @@
 Two groups of mouse aortas, seven protocols: are probabilities and intervals right?
 ===================================================================================
 
-Everything on this page is **simulated**, at sizes that are real: geometry and materials are like
-those of seven mouse ascending aortas, to which a law of four families of fibres was fitted. Each
-specimen is inflated at three axial stretches and extended at four held pressures. Pressure and
-force are measured with errors, and the force transducer is not set to zero between the tests.
+All data on this page are **simulated** with realistic values: geometry and materials are similar to
+those of seven mouse ascending aortas, to which a law of four fibre families was fitted. Each
+specimen is inflated at three axial stretches and extended at four constant pressures. Pressure and
+force have measurement errors, and the force transducer is not set to zero between the tests.
 
-Eight specimens of each of two groups teach a class each. New specimens are then classified, beside
-the true model, which knows both groups and all errors, and their posteriors are held to the truth:
-the in vivo axial stretch and the stiffness of the material in both directions.
+A class is fitted to eight specimens of each of two groups. New specimens are then classified with
+these classes, and with the true model, which knows both groups and all errors. Their posteriors of
+the in vivo axial stretch, and of the material stiffness in both directions, are compared with the
+true values.
 
-**What this can and cannot show.** The law is the true one and so are the sizes of the errors; real
-walls obey no law exactly. The groups are further apart than those of many studies: a treated
-matrix has 40 % of its modulus, diagonal fibres have half of theirs. Eight specimens of each can
-teach that. Of 70 and 75 % (``MATRIX, DIAGONAL = 0.7, 0.75``) they cannot, whoever learns from them:
-the true model knows the group nearly as surely, since the modulus of the diagonal fibres hardly
-differs between specimens of a group, but eight do not tell in six dimensions how little. Where
-even the materials themselves are handed to a learner, without any error, it loses 0.3 nats there.
+**Limits.** The law and the sizes of the errors are the true ones; real walls obey no law exactly.
+The groups differ more than in many studies: in the treated group the matrix has 40 % of its
+modulus, and the diagonal fibres have half of theirs. Eight specimens of each group are enough for
+this difference. They are not enough for 70 and 75 % (``MATRIX, DIAGONAL = 0.7, 0.75``). The true
+model is nearly as certain of the group as before, because the modulus of the diagonal fibres hardly
+differs between specimens of a group. But eight specimens do not determine this small difference in
+six dimensions. Even with the exact materials of the training specimens, a learned model loses 0.3
+nats.
 
-**What was found**, on 27 November 2026, in half an hour of a core. The true model knows the group
-of each of the 200 surely: its mean log score is 0.000. Eight of each group teach classes with
-−0.010 and a calibration error of 0.009. Of 198 the decision is right, of one it is wrong, and one
-cannot be judged, since an evidence that matters is not to be trusted. The groups differ as their
-materials do: all seven true differences lie within their 95 % intervals, and only that of the
-circumferential stiffness is far from none. Of 100 of the new ones, 50 of each group, the 95 %
-intervals hold the truth in 97 % (axial stiffness), 96 % (circumferential stiffness) and 97 % (in
-vivo stretch) of the cases.
+**Results** of a run on 27 November 2026, in half an hour on one core. The true model classifies all
+of the 200 specimens with certainty: its mean log score is 0.000. The classes fitted to eight
+specimens of each group have −0.010, and a calibration error of 0.009. The decision is right for 198
+specimens and wrong for one; one cannot be judged, because an evidence is not to be trusted. All
+seven true differences between the groups lie within their 95 % intervals, and only the difference
+of the circumferential stiffness is far from zero. For 100 of the new specimens, 50 of each group,
+the 95 % intervals contain the truth in 97 % (axial stiffness), 96 % (circumferential stiffness) and
+97 % (in vivo stretch) of the cases.
 
-The seven aortas were fitted by others, in another way: what is taken from them is what a realistic
-population looks like.
+The seven aortas were fitted by others with another method. This example uses them only as a
+realistic population.
 
 The parameters are those of the repository yale-humphrey-lab/gr-regression
 (single-group/C1041G_ATA_allspec.csv), means and spreads of the seven and the geometry of each.
@@ -51,24 +53,25 @@ from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
 
-TRAIN, NEW = 8, 200  # specimens a group, and new ones
-POSTERIORS = 100  # of the new ones with a posterior
-MATRIX, DIAGONAL = 0.4, 0.5  # what the treatment leaves of the moduli of matrix and fibres
-DRAWS = 1000  # of a class
-SEED = 1  # of the cohort
-OUT = Path("results/simulated_aortas")  # where results go
+TRAIN, NEW = 8, 200  # training specimens of each group, and new specimens
+POSTERIORS = 100  # number of new specimens with a posterior
+MATRIX, DIAGONAL = 0.4, 0.5  # factors of the moduli of matrix and diagonal fibres by the treatment
+DRAWS = 1000  # draws in a chain of a class
+SEED = 1  # seed of the cohort
+OUT = Path("results/simulated_aortas")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(SEED)
 
 # %%
 # The groups
 # ----------
-# Of the seven: means and standard deviations of the logarithms of the moduli (kPa) and stiffening
-# numbers, and of the angle of the diagonal fibres from the circumferential direction (degrees).
-# Their hoop fibres were fitted a modulus of a ten-millionth of a kPa: the law here has none. With
-# the stiffening of the diagonal fibres rises the modulus of the matrix. The stiffening of the axial
-# fibres has two thirds of its spread: with more, some walls would bear forces that no vessel bears.
-# In the treated group matrix and diagonal fibres have lost a part of their moduli.
+# Means and standard deviations of the seven aortas: of the logarithms of the moduli (kPa) and
+# stiffening numbers, and of the angle of the diagonal fibres from the circumferential direction
+# (degrees). The fitted modulus of their hoop fibres was a ten-millionth of a kPa, so the law here
+# has no hoop fibres. The modulus of the matrix is correlated with the stiffening of the diagonal
+# fibres. The stiffening of the axial fibres has only two thirds of its spread, because otherwise
+# some walls would bear implausible forces. In the treated group the moduli of matrix and diagonal
+# fibres are smaller.
 LAW = ph.FourFiber(hoop_fibres=False)
 NAMES = ["c", "k1_axial", "k2_axial", "k1_diagonal", "k2_diagonal", "beta"]
 MEAN = np.array([2.59, 1.13, -3.07, 1.34, -0.90, 39.1])
@@ -81,18 +84,19 @@ GROUPS = {
     for name, mean in {"control": MEAN, "treated": MEAN + TREATED}.items()
 }
 # Outer radius and thickness (mm) of the unloaded tubes. A specimen has the geometry of one of the
-# seven. It is tested about its own in vivo stretch, where the force at 80 and 120 mmHg is alike.
+# seven aortas. It is tested at stretches around its own in vivo stretch, at which the force is the
+# same at 80 and 120 mmHg.
 OUTER_RADIUS = np.array([0.6000, 0.5476, 0.6136, 0.4999, 0.5372, 0.4802, 0.4913])
 THICKNESS = np.array([0.1238, 0.1057, 0.1000, 0.1245, 0.1309, 0.1270, 0.1300])
-# Errors of pressure and force, and how far the zero of the transducer drifts between tests.
+# Standard deviations: errors of pressure and force, and offset of the transducer in a test.
 ERROR, FORCE_ERROR, OFFSET = 1.0 * ph.mmHg, 0.5, 3.0  # kPa, mN, mN
-POINTS, ORDER = 20, 10  # and nodes of quadrature on each piece of a wall
-STRETCHES, PRESSURES = (0.95, 1.0, 1.05), (10, 60, 100, 140)  # of that in vivo, and mmHg
+POINTS, ORDER = 20, 10  # points of a test, and quadrature nodes on each piece of a wall
+STRETCHES, PRESSURES = (0.95, 1.0, 1.05), (10, 60, 100, 140)  # ratios to in vivo stretch; mmHg
 DIASTOLE, SYSTOLE = 80.0, 120.0  # mmHg
 
 
 def compiled():
-    """Pressure (kPa) and axial force (mN) of materials (material, 1) in tubes (1, point)."""
+    """Compile pressure (kPa) and axial force (mN) of materials (material, 1), tubes (1, point)."""
     radius = pt.row("internal_radius")
     tube = {n: pt.row(n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
     material = {n: pt.col(n) for n in LAW.parameter_names}
@@ -113,7 +117,7 @@ curves = compiled()
 
 
 def bisection(below, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Where what is below at first is no longer."""
+    """Return the end of the interval, starting at `low`, in which `below` is True."""
     for _ in range(50):
         middle = (low + high) / 2
         yes = below(middle)
@@ -122,7 +126,7 @@ def bisection(below, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def radius_at(place: np.ndarray, pressure: np.ndarray, tube: tuple, stretch: np.ndarray):
-    """Internal radii (mm) at pressures (kPa)."""
+    """Return the internal radii (mm) at pressures (kPa)."""
     inner = np.full(np.shape(pressure), tube[0])
     return bisection(
         lambda radius: curves(place[None], radius, *tube, stretch)[0][0] < pressure,
@@ -132,7 +136,7 @@ def radius_at(place: np.ndarray, pressure: np.ndarray, tube: tuple, stretch: np.
 
 
 def in_vivo_stretch(place: np.ndarray, tube: tuple) -> float:
-    """Axial stretch at which the force does not change from diastole to systole."""
+    """Return the axial stretch at which the force is the same in diastole and systole."""
     pressure = np.array([DIASTOLE, SYSTOLE]) * ph.mmHg
 
     def falls(stretch: np.ndarray) -> bool:
@@ -145,7 +149,7 @@ def in_vivo_stretch(place: np.ndarray, tube: tuple) -> float:
 
 
 def tests_of(place: np.ndarray, tube: tuple, name: str, group: str) -> pd.DataFrame:
-    """The seven tests of a specimen, measured with errors."""
+    """Return the seven tests of a specimen, measured with errors."""
     about = in_vivo_stretch(place, tube)
     held = [np.full(POINTS, s * about) for s in STRETCHES]
     varied = np.linspace(STRETCHES[0], STRETCHES[-1], POINTS) * about
@@ -173,7 +177,7 @@ def tests_of(place: np.ndarray, tube: tuple, name: str, group: str) -> pd.DataFr
 
 
 def cohort(groups: list[str], prefix: str) -> tuple[xr.Dataset, np.ndarray]:
-    """Inflation data of specimens of these groups, and where their materials are."""
+    """Return the inflation data of specimens of these groups, and their materials."""
     places = np.array([GROUPS[group].rvs(random_state=rng) for group in groups])
     which = rng.integers(len(OUTER_RADIUS), size=len(groups))
     tubes = zip(OUTER_RADIUS[which] - THICKNESS[which], OUTER_RADIUS[which], strict=True)
@@ -182,7 +186,7 @@ def cohort(groups: list[str], prefix: str) -> tuple[xr.Dataset, np.ndarray]:
         for i, (place, tube, group) in enumerate(zip(places, tubes, groups, strict=True))
     )
     columns = ph.Tube(inner_radius="inner", outer_radius="outer", axial_stretch="stretch")
-    # A few of them are wider at their highest pressure than vessels mostly are.
+    # check="ignore": a few specimens have an implausible radius at their highest pressure.
     data = ph.inflation_data(frame, columns, check="ignore")
     return data.assign_attrs(title="SIMULATED mouse aortas", simulated=1), places
 
@@ -193,18 +197,18 @@ new, places = cohort(truth, "new-")
 labels = list(dict.fromkeys(new["specimen"].values))
 
 # %%
-# What can be known
-# -----------------
-# The evidence of a specimen under a known group is an integral over its material. Given that,
-# errors are normal; the offset of each test is one more error, that all its forces share. The
-# integral is taken by importance sampling about the place of greatest posterior density, by a
-# Student distribution. Nothing of the package is used here but the curves themselves.
+# The true model
+# --------------
+# The evidence of a specimen under a known group is an integral over its material. Given the
+# material, the errors are normal; all forces of a test share the error of its offset. The integral
+# is computed by importance sampling with a Student distribution around the posterior mode. Only the
+# curves are computed by the package.
 SHARED = 1 - FORCE_ERROR / np.sqrt(FORCE_ERROR**2 + POINTS * OFFSET**2)
 SAMPLES, FREEDOM, IMPOSSIBLE = 500, 5, 1e9
 
 
 def errors(specimen: xr.Dataset, materials: np.ndarray) -> np.ndarray:
-    """Errors of pressures and forces by their standard deviations, independent of each other."""
+    """Return independent errors of pressures and forces, divided by their standard deviations."""
     test = specimen["test"].values
     tube = (
         specimen[n].values[test] if specimen[n].dims == ("test",) else specimen[n].values
@@ -215,12 +219,12 @@ def errors(specimen: xr.Dataset, materials: np.ndarray) -> np.ndarray:
     force -= SHARED * force.mean(axis=2, keepdims=True)
     pressure = pressure - specimen["pressure"].values
     both = [pressure / ERROR, force.reshape(len(materials), -1) / FORCE_ERROR]
-    # What overflows is impossible.
+    # Materials whose curves overflow are impossible.
     return np.nan_to_num(np.concatenate(both, axis=1), nan=IMPOSSIBLE).clip(-IMPOSSIBLE, IMPOSSIBLE)
 
 
 def log_evidence(specimen: xr.Dataset, group: stats.multivariate_normal) -> float:
-    """Up to a constant that all groups share."""
+    """Return the log evidence, up to a constant that is the same for all groups."""
     root = np.linalg.cholesky(group.cov)
 
     def residuals(z: np.ndarray) -> np.ndarray:
@@ -252,16 +256,16 @@ known.assign_attrs(title="SIMULATED mouse aortas", simulated=1).to_netcdf(OUT / 
 # %%
 # Learn the classes, and classify
 # -------------------------------
-# Priors are the package's own. Seven protocols a specimen tell what its material is; eight
-# specimens tell what a class is. In which coordinates they are spread normally is not known
-# beforehand: those are taken of which the evidence is larger.
+# The priors are the defaults. Seven protocols determine the material of a specimen; eight specimens
+# determine the class. It is not known beforehand in which coordinates the specimens are normally
+# distributed: the coordinates with the larger evidence are used.
 LIKELIHOOD = ph.Gaussian(pressure_sd=ERROR, force_sd=FORCE_ERROR, force_offset_sd=OFFSET)
 settings = {"random_seed": SEED}
 COORDINATES = {"strain and ratios of stresses": 20.0, "logarithms of moduli": None}
 
 
 def learn(name: str) -> xr.DataTree:
-    """Classes of both groups, in the coordinates with a stress of reference (kPa) or without."""
+    """Fit classes to both groups, in coordinates with or without a reference stress (kPa)."""
     population = {"variability": ph.Variability(reference_stress=COORDINATES[name])}
     population |= {"draws": DRAWS, "chains": 2, "store": OUT / f"store of {name}"}
     return ph.fit_classes(LAW, training, LIKELIHOOD, **population, **settings)
@@ -276,7 +280,7 @@ print(f"\nLog evidence\n{evidence.round(1).to_string()}")
 better = evidence.sum().idxmax()
 fitted = classes[better]
 fitted.to_netcdf(OUT / "classes.nc")
-# On all cores, and kept eight by eight.
+# On all cores, stored in batches of eight.
 store = ph.Store(OUT / "store of new ones", batch_size=8)
 result = ph.classify(new, fitted, by="specimen", store=store, **settings).load()
 result.to_netcdf(OUT / "new.nc")
@@ -284,7 +288,7 @@ result.to_netcdf(OUT / "new.nc")
 # %%
 # The scores
 # ----------
-# The log score is ln P(true class); −0.69 is that of a coin.
+# The log score is ln P(true class); a coin toss has −0.69.
 rows = {}
 for name, of_scheme in {"true model": known, "learned": result}.items():
     score = ph.score_probabilities(of_scheme["class_probability"], truth)
@@ -303,10 +307,11 @@ print(f"\nSIMULATED: {NEW} new aortas, {TRAIN} of each group to learn from")
 print(table.round(3).to_string())
 
 # %%
-# In what the groups differ
-# -------------------------
-# By the eight of each group alone, at 100 mmHg, stretched as the specimens are in the middle of
-# their tests. Beside each difference stands that of the materials in the middle of both groups.
+# Differences between the groups
+# ------------------------------
+# The differences are computed from the eight training specimens of each group, at 100 mmHg, and at
+# the median axial stretch of the tests. The true difference is that of the mean materials of the
+# groups.
 PRESSURE = {"pressure": 100.0, "pressure_range": (DIASTOLE, SYSTOLE), "pressure_unit": "mmHg"}
 TUBE = ph.Tube(
     inner_radius=float(np.median(OUTER_RADIUS - THICKNESS)),
@@ -327,7 +332,7 @@ QUANTITIES = [
 
 
 def true_tree(place: np.ndarray) -> xr.DataTree:
-    """A result whose only draw is the true material."""
+    """Return a result whose only draw is the true material."""
     values = dict(zip(NAMES, place, strict=True))
     values |= {n: np.exp(v) for n, v in values.items() if n != "beta"}
     only = xr.Dataset({n: (("chain", "draw"), [[v]]) for n, v in values.items()})
@@ -335,7 +340,7 @@ def true_tree(place: np.ndarray) -> xr.DataTree:
 
 
 def true_values(group: str) -> np.ndarray:
-    """The quantities of the material in the middle of a group."""
+    """Return the quantities of the mean material of a group."""
     tree = true_tree(GROUPS[group].mean)
     found = ph.tube_properties(tree, AT, energy=LAW, check="ignore")
     values = {name: found[name.removeprefix("log ")].item() for name in QUANTITIES}
@@ -354,7 +359,7 @@ table = pd.DataFrame(
         "high": sides.sel(bound="high"),
         "P(rises)": typical["probability_of_rise"],
         "effect size": typical["effect_size"],
-        "one tells": typical["best_accuracy"],
+        "accuracy": typical["best_accuracy"],
         "prior": typical["prior_sensitivity"],
         "likelihood": typical["likelihood_sensitivity"],
     },
@@ -368,16 +373,16 @@ print(compared.attrs["words"])
 ph.plot_comparison(compared).savefig(OUT / "differences.png", dpi=150)
 
 # %%
-# Intervals of what laboratories report
-# -------------------------------------
-# Of new specimens, 25 of a group together, as a laboratory that knows their group has them. The
-# truth is what a tube of the true material has.
+# Intervals of the reported properties
+# ------------------------------------
+# New specimens are fitted in classes of 25 specimens, as in a laboratory that knows their group.
+# The truth is the property of the same tube with the true material.
 REPORTED = [f"{direction}_material_stiffness" for direction in ("axial", "circumferential")]
 REPORTED += ["in_vivo_axial_stretch"]
 
 
 def reported(tree: xr.DataTree, tube: ph.Tube, **settings) -> dict[str, np.ndarray]:
-    """Draws of the properties of a tube, or of the specimen's tube at the middle stretch."""
+    """Return draws of the properties of a tube; dimensions not stated are those of the specimen."""
     at = ph.Conditions(**PRESSURE, tube=tube)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(measured|reach)")
@@ -386,7 +391,7 @@ def reported(tree: xr.DataTree, tube: ph.Tube, **settings) -> dict[str, np.ndarr
 
 
 def exact(place: np.ndarray, specimen: xr.Dataset, about: float) -> dict[str, np.ndarray]:
-    """The same of the true material, which takes the place of draws."""
+    """Return the properties of the true material in the tube of a specimen."""
     radii = (specimen[n].values.flat[0] for n in ("inner_radius", "outer_radius"))
     return reported(true_tree(place), ph.Tube(*radii, axial_stretch=about), energy=LAW)
 
@@ -429,7 +434,8 @@ if covered:
 # %%
 # The figure
 # ----------
-# The probability of the treated group that was learned over the true one.
+# The figure shows the probability of "treated" by the fitted classes against that by the true
+# model.
 figure, axes = plt.subplots(figsize=(5, 4.5), layout="constrained")
 axes.plot([0, 1], [0, 1], color="grey", linewidth=0.8)
 for group, colour in zip(GROUPS, ("C0", "C1"), strict=True):

@@ -1,20 +1,20 @@
 """
-A cohort whose classes are known: are probabilities of class right?
-===================================================================
+A cohort with known classes: are class probabilities right?
+===========================================================
 
-Everything on this page is **simulated**. Specimens of two classes are drawn from distributions that
-are written down below, so that the true probability of class of each new one can be worked out.
-Beside it stand the probabilities of two schemes that have to learn the classes from some specimens
-of each: classes with variability, which learn the distributions, and the paper's pooled scheme, in
-which all specimens of a class share one set of parameters.
+All data on this page are **simulated**. The specimens of two classes are drawn from known
+distributions, so that the true class probabilities of each new specimen can be computed. They are
+compared with the probabilities of two schemes that fit the classes to training specimens: classes
+with variability, which infer the distributions, and the paper's pooled scheme, in which all
+specimens of a class share one set of parameters.
 
-**What this can and cannot show.** The fitted classes are told the true material and the true size
-of the errors, and their specimens are taken to be normal on a scale on which they nearly are. Only
-the two distributions are left to learn. The numbers say what the schemes do where nothing else is
-wrong. Of real tubes, whose material nobody knows, they say nothing.
+**Limits.** The fitted classes use the true law and the true size of the errors, and their specimens
+are normal on a scale on which the true ones are nearly normal. Only the two distributions are
+inferred. The numbers show the behaviour of the schemes without other errors. They do not apply to
+real tubes, whose law is unknown.
 
-The classes overlap: not even who knows all about them can tell every specimen. The score to come
-near is the true model's, not 0.
+The classes overlap, so even the true model cannot classify every specimen. The best attainable
+score is that of the true model, not 0.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/simulated_cohort/curves.png"
@@ -30,18 +30,18 @@ from scipy.stats import multivariate_normal
 
 import pymc_hyperelastic as ph
 
-TRAIN, NEW, OTHER = 40, 500, 200  # specimens a class, new ones, and some of neither class
-SEED = 1  # of the cohort
-OUT = Path("results/simulated_cohort")  # where results go
+TRAIN, NEW, OTHER = 40, 500, 200  # training specimens per class, new ones, ones of neither class
+SEED = 1  # seed of the cohort
+OUT = Path("results/simulated_cohort")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(SEED)
 
 # %%
 # The classes
 # -----------
-# Tubes of an Ogden solid. In each class ln μ and ln α are normal, with standard deviations of 0.15
-# and 0.1; stiffer tubes tend to have smaller exponents. Each specimen is inflated twice, to the
-# same radii, with errors of 0.1 kPa. A new specimen is of either class by the toss of a coin.
+# The tubes follow Ogden's law. In each class ln μ and ln α are normal, with standard deviations of
+# 0.15 and 0.1, and negatively correlated. Each specimen is inflated twice, to the same radii, with
+# errors of 0.1 kPa. A new specimen belongs to each class with a probability of 0.5.
 RADII = np.linspace(7.1, 8.8, 15)  # mm
 TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm
 EXPERIMENTS, ERROR = 2, 0.1  # kPa
@@ -54,19 +54,19 @@ DISTRIBUTIONS = {
 
 
 def curves(energy: ph.StrainEnergy, **parameters: np.ndarray) -> np.ndarray:
-    """Pressures (kPa) at the radii, one row a specimen."""
+    """Return pressures (kPa) at the radii, with one row for each specimen."""
     columns = {name: value[:, None] for name, value in parameters.items()}
     return ph.inflation_pressure(energy, RADII, TUBE, **columns).eval()
 
 
 def curves_of_class(name: str, count: int) -> np.ndarray:
-    """Curves of specimens of a class."""
+    """Return curves of random specimens of a class."""
     mu, alpha = np.exp(DISTRIBUTIONS[name].rvs((count, 1), rng)).reshape(count, 2).T
     return curves(ph.Ogden(), mu=mu, alpha=alpha)
 
 
 def measure(pressure: np.ndarray, groups: list[str], prefix: str) -> xr.Dataset:
-    """Inflation data of specimens with these curves, errors added."""
+    """Return the inflation data of specimens with these curves and errors."""
     shape = len(groups), EXPERIMENTS, RADII.size
     specimen, experiment, point = np.indices(shape).reshape(3, -1)
     measured = pressure[:, None] + ERROR * rng.standard_normal(shape)
@@ -95,13 +95,13 @@ new = measure(
 )
 
 # %%
-# What can be known
-# -----------------
-# The evidence of a specimen under a known class is an integral over μ and α, taken here without the
-# package's classification. Pressure is μ times a curve of α alone. Given α, the likelihood is
-# therefore normal in μ, and far narrower than the class: three points of Gauss and Hermite do. The
-# grid of α is finer than the likelihood of any specimen. Factors that all classes share are left
-# out.
+# The true model
+# --------------
+# The evidence of a specimen under a known class is an integral over μ and α, computed here without
+# the package's classification. The pressure is μ times a function of α. Given α, the likelihood is
+# therefore normal in μ, and far narrower than the class: three Gauss-Hermite nodes are enough. The
+# grid of α is finer than the likelihood of any specimen. Factors that are the same for all classes
+# are left out.
 log_alpha = np.linspace(np.log(3.5), np.log(15), 1500)
 unit = curves(ph.Ogden(), mu=np.ones_like(log_alpha), alpha=np.exp(log_alpha)) / ERROR
 pressure = new["pressure"].values.reshape(NEW, EXPERIMENTS, RADII.size) / ERROR
@@ -126,7 +126,7 @@ known = xr.Dataset(
 # %%
 # Learn the classes, and classify
 # -------------------------------
-# Both schemes see the same specimens and know the same errors, by their standard deviation.
+# Both schemes use the same training specimens and the same standard deviation of the errors.
 fitted, results = {}, {"true": known}
 for scheme, variability in {"variability": "specimen", "pooled": None}.items():
     print(f"{scheme}: fitting {len(training)} classes, classifying {NEW} specimens")
@@ -153,13 +153,13 @@ known.assign_attrs(title="SIMULATED cohort", simulated=1).to_netcdf(OUT / "true_
 # %%
 # The scores
 # ----------
-# The log score is ln P(true class): ln ½ = −0.69 is that of a coin. It is taken from the evidences,
-# for many a probability of the pooled scheme is too small a number for a computer. The difference
-# to the true model's is that between the same specimens, and its standard error is for these
-# training specimens: others give other classes.
-# The Brier score is best at 0, and that of a coin is 0.5. The calibration error is how far the
-# probability of the most probable class is from the share of specimens for which it was the right
-# one; by chance alone it is not 0.
+# The log score is ln P(true class); a coin toss has ln ½ = −0.69. It is computed from the log
+# evidences, because many probabilities of the pooled scheme are too small for floating-point
+# numbers. The difference to the true model is computed for the same specimens. Its standard error
+# applies to these training specimens; other training specimens give other classes. The best Brier
+# score is 0, and a coin toss has 0.5. The calibration error is the difference between the
+# probability of the most probable class and the fraction of specimens for which this class is
+# right. By chance it is not exactly 0.
 scores, log_scores = {}, {}
 for scheme, result in results.items():
     scores[scheme] = ph.score_probabilities(result["class_probability"], truth)
@@ -186,10 +186,11 @@ print(table.round(3).to_string())
 # %%
 # None of these
 # -------------
-# Specimens of four other kinds, whose parameters differ by 7 % within a kind. A class with
-# variability says how unlike its own specimens a new one is; where that is below 0.05 for both
-# classes, the decision is "none of these". Members that are turned away are false alarms. There
-# should be fewer than 5 % of them: a member must look strange to the other class as well.
+# The specimens of neither class are of four kinds. Within a kind, their parameters differ by 7 %. A
+# class with variability gives a p-value for each new specimen. If the p-values of both classes are
+# below 0.05, the decision is "none of these". For a member of a class this decision is a false
+# alarm. There should be fewer than 5 % false alarms, because the p-value of the other class must be
+# small too.
 KINDS = {
     "softer": (ph.Ogden(), {"mu": 15.0, "alpha": 7.0}),
     "stiffens sooner": (ph.Ogden(), {"mu": 30.0, "alpha": 12.0}),
@@ -230,7 +231,7 @@ print(flagged.round(3).to_string())
 # %%
 # The figures
 # -----------
-# A few curves of each class, and of the other kinds.
+# The figure shows some curves of each class and of the other kinds.
 figure, axes = plt.subplots(1, 3, figsize=(11, 4), sharey=True, layout="constrained")
 samples = [(f"class {name}", training[name], {name: "C0"}) for name in training]
 samples.append(("neither class", others, dict(zip(KINDS, ("C1", "C2", "C3", "C4"), strict=True))))
@@ -248,7 +249,7 @@ figure.suptitle("SIMULATED cohort")
 figure.savefig(OUT / "curves.png", dpi=120)
 
 # %%
-# How reliable the probabilities of the most probable class are.
+# The next figure shows the calibration of the probabilities of the most probable class.
 kept = ["count", "predicted_probability", "observed_frequency", "frequency_lower"]
 kept += ["frequency_upper", "expected_calibration_error"]
 reliability = xr.concat(
@@ -261,10 +262,10 @@ reliability = xr.concat(
 ph.plot_reliability(reliability).savefig(OUT / "reliability.png", dpi=120)
 
 # %%
-# Every new specimen: the probability of class A that each scheme gives over the true one. Where the
-# points of classes with variability bend away from the line, one class was learned as wider than
-# the other, and what is far from both is given to the wider one. The pooled scheme says 0 or 1 of
-# all but one.
+# The last figure shows the probability of class A by each scheme against the true probability, for
+# all new specimens. Points of classes with variability deviate from the line if one class was
+# inferred to be wider than the other: specimens that are far from both classes are then assigned to
+# the wider class. The pooled scheme gives 0 or 1 for all specimens except one.
 figure, axes = plt.subplots(1, 2, figsize=(8, 4), sharey=True, layout="constrained")
 for ax, scheme in zip(axes, fitted, strict=True):
     ax.plot([0, 1], [0, 1], color="grey", linewidth=0.8)

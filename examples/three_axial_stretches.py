@@ -2,25 +2,24 @@
 Three axial stretches: predict one from the other two
 =====================================================
 
-A wall that is inflated at one axial stretch tells its hoop direction only. These **measured**
-tubes, the vaginal walls of eight mice before and after elastase, were inflated at three axial
-stretches each. For each of the 16 the lowest and the highest train a law, and the outer diameter
-at the one between is predicted.
+Inflation at one axial stretch gives information only about the hoop direction of a wall. The
+vaginal walls of eight mice, before and after elastase, were **measured** by inflation at three
+axial stretches each. For each of the 16 specimens, a law is fitted to the curves at the lowest and
+the highest stretch, and predicts the outer diameter at the middle stretch.
 
-**What this can and cannot show.** The stretch that is predicted lies between two that were
-measured, on the same specimen: an error says how well a law couples the two directions, not how
-well it speaks of another animal. The two states of an animal are not independent of each other.
-All points of a curve err alike where a law misses its axial stretch, which the likelihood takes for
-chance: over all specimens the intervals of the two laws with directions are too narrow; those of
-Ogden's solid, which fits worst on the whole, are wide, and so are theirs on tubes that they cannot
-follow (elastase4, elastase7). And no law follows a tube whose middle curve lies outside the
-other two, or which widens as it is stretched; some of these do.
-The comparison needs no material at all: at the same pressure, the diameter between those of the
-other two curves.
+**Limits.** The predicted stretch lies between two measured stretches of the same specimen. The
+errors therefore show how well a law couples the two directions, not how well it predicts another
+animal. The two states of an animal are not independent. If a law does not fit an axial stretch, the
+errors of all points of its curve are correlated, but the likelihood assumes independent errors:
+over all specimens the intervals of the two anisotropic laws are too narrow. The intervals of
+Ogden's law, which has the worst fit, are wide. So are those of the other laws for tubes that they
+do not fit (elastase4, elastase7). No law fits a tube whose middle curve lies outside the other two,
+or a tube that widens when it is stretched; some specimens do so. The reference is a prediction
+without a law: the diameter at the same pressure, interpolated between the other two curves.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
-which has to lie beside this script and says where it looks for the tables.
+(2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
+them. Save it beside this script; it states where it looks for the tables.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/three_axial_stretches/middle_stretch.png"
@@ -37,27 +36,27 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-DRAWS, CHAINS = 300, 2  # particles of a chain, and independent runs
-OUT = Path("results/three_axial_stretches")  # where results go
+DRAWS, CHAINS = 300, 2  # draws in a chain, and number of chains
+OUT = Path("results/three_axial_stretches")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(3)
 
 # %%
 # The specimens
 # -------------
-# The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
-# there the wall, which lies folded at rest, is unfolding.
+# The stress-free tube is the opened ring. Points below 3.5 mmHg are left out, because the wall is
+# still folded there.
 data, geometry = murine_tables.read()
 specimens = list(geometry["specimen"])
 
 # %%
-# Laws, and what is assumed
-# -------------------------
-# Ogden's solid is isotropic; the other two tell the directions apart. The wall is soft, and then
-# stiffens within a few hundredths of strain, far sooner than an artery: the exponents have wider
-# priors than by default, and the moduli narrower ones, the same for all specimens. The size of the
-# errors of pressure is inferred, and slopes play no part. Neither does the axial force, which was
-# measured as well: with it Fung's law predicts the diameters worse, not better.
+# Laws and assumptions
+# --------------------
+# Ogden's law is isotropic; the other two laws are anisotropic. The wall is soft, and then stiffens
+# within a few hundredths of strain, much sooner than an artery. Therefore the priors of the
+# exponents are wider than the defaults, and those of the moduli narrower, the same for all
+# specimens. The size of the pressure errors is inferred. Slopes are not used. The measured axial
+# forces are not used either: with forces, the diameters predicted by Fung's law are worse.
 LAWS = {
     ph.Ogden(): {"mu": pm.Uniform.dist(0, 50), "alpha": pm.Uniform.dist(0, 80)},
     ph.HolzapfelGasserOgden(): {
@@ -75,7 +74,7 @@ LAWS = {
 
 
 def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
-    """Posterior of the material and of the errors' size."""
+    """Sample the posterior of the material and of the size of the errors."""
     model = ph.inflation_model(
         energy,
         curves,
@@ -86,10 +85,11 @@ def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
 
 
 def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) -> list[np.ndarray]:
-    """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
+    """Return the outer diameter (µm) at pressures (kPa): median, and 95 % interval of measurements.
 
-    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. Draws whose curve ends below a pressure are left out there.
+    A pressure error changes the inner radius by error / stiffness. The area of the wall is
+    constant, so the outer radius changes by inner / outer of that. Draws that do not reach a
+    pressure are left out there.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
@@ -104,8 +104,8 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) 
 
 
 # %%
-# Train on the outer two, predict the middle one
-# ----------------------------------------------
+# Fit the outer two stretches, predict the middle one
+# ---------------------------------------------------
 evidence, bands, errors = {}, {}, {}
 for specimen in specimens:
     print(f"{specimen}: {', '.join(energy.name for energy in LAWS)}")
@@ -120,7 +120,7 @@ for specimen in specimens:
         bands[specimen, energy.name] = middle, low, high
         errors[specimen, energy.name] = middle - measured, (low <= measured) & (measured <= high)
         evidence[specimen, energy.name] = ph.log_evidence(tree)
-    # No law: between the diameters at the same pressure, in proportion to the axial stretch.
+    # Without a law: interpolate the diameters at the same pressure linearly in the axial stretch.
     curves = [outer.isel(obs=outer["test"] == test) for test in (0, 1)]
     sides = [
         np.interp(left_out["pressure"], curve["pressure"], 1e3 * curve["outer_diameter"])
@@ -172,9 +172,9 @@ print(pd.DataFrame(rows).to_string(index=False))
 # %%
 # The figure
 # ----------
-# Grey are the two curves that were trained on, ▼ at the lowest and ▲ at the highest axial stretch.
-# Predicted is the median; the band, in which 95 % of measurements are expected, is that of the law
-# with the largest evidence.
+# Grey points are the two fitted curves, ▼ at the lowest and ▲ at the highest axial stretch. Lines
+# are the predicted medians. The band of the law with the largest evidence should contain 95 % of
+# the measurements.
 figure, axes = plt.subplots(4, 4, figsize=(12, 11), sharex=True, layout="constrained")
 for ax, specimen in zip(axes.flat, specimens, strict=True):
     curves = ph.select(data, specimen=specimen)

@@ -1,18 +1,18 @@
 """
-An unloaded radius that nobody measured
-=======================================
+An unloaded radius that was not measured
+========================================
 
-Mouse left pulmonary arteries, control and with hypoxic pulmonary hypertension: one measured mean
-curve of outer diameter against pressure a group, 11 points each, at the axial stretch 1.4. How
-wide the artery was before it was stretched and inflated is not known. Here it is inferred with the
-material, under four laws that are compared by their evidence; then every other pressure is left
-out, and the outer diameter there is predicted.
+The data are two mean curves of mouse left pulmonary arteries, control and with hypoxic pulmonary
+hypertension: measured outer diameter against pressure, 11 points each, at an axial stretch of 1.4.
+The unloaded radius of the artery is not known. It is inferred together with the material for four
+laws, which are compared by their evidence. Then every other pressure is left out, and the outer
+diameter there is predicted.
 
-**What this can and cannot show.** A law sees the unloaded radius only through the stretch at which
-it stiffens: what is inferred is the radius *given the law*, and laws may disagree by more than
-either admits. A point left out has neighbours 5 mmHg away on both sides of the same mean curve:
-its error says how well a law follows the curve, and nothing about other animals. A straight line
-between the neighbours is the comparison.
+**Limits.** The data determine the unloaded radius only through the stretch at which a law stiffens.
+The inferred radius is the radius *given the law*, and different laws may give radii that differ by
+more than their uncertainties. A point that was left out has neighbours at a distance of 5 mmHg on
+the same mean curve. Its error shows how well a law describes the curve, and gives no information
+about other animals. The reference is a straight line between the neighbours.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/unloaded_radius/radius.png"
@@ -32,17 +32,17 @@ AXIAL_STRETCH = 1.4
 # Cross-section of the wall at that stretch, µm², from the thickness measured at three pressures.
 WALL_AREA = {"control": (62153, 56622, 56815), "hypertensive": (85294, 86902, 88949)}
 
-DRAWS, CHAINS = 300, 2  # particles of a chain, and independent runs
-OUT = Path("results/unloaded_radius")  # where results go
+DRAWS, CHAINS = 300, 2  # draws in a chain, and number of chains
+OUT = Path("results/unloaded_radius")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(3)
 
 # %%
 # The data
 # --------
-# The shipped dataset takes the mounted artery for the reference. What was measured is the outer
-# diameter, which the wall's constant area gives back: from it the data are built anew, with the
-# radii of the unloaded artery left open.
+# The reference of the shipped dataset is the mounted artery. The measured quantity was the outer
+# diameter; it follows from the constant area of the wall. The data are built again from the outer
+# diameter, with unknown radii of the unloaded artery.
 shipped = ph.load_dataset("murine_pulmonary_artery")
 of_point = shipped.isel(test=shipped["test"])
 wall = of_point["outer_radius"] ** 2 - of_point["inner_radius"] ** 2
@@ -58,17 +58,17 @@ frame = pd.DataFrame(
 data = ph.inflation_data(frame, ph.Tube(axial_stretch=AXIAL_STRETCH), measured="outer_diameter")
 
 # %%
-# What is assumed
-# ---------------
-# The unloaded inner radius may be anything from 0.1 to 0.5 mm; stretched, and without pressure, it
-# was 0.20 to 0.23 mm. The wall keeps its volume: unloaded, its cross-section is 1.4 times that
-# which was measured, with the spread of the three measurements. Errors are of pressure, and their
-# size is inferred; it is mostly the laws' own, which miss the curve of
-# the controls by 2 to 5 mmHg, and the other by 2 or less.
-# Slopes play no part: the points left out would be missed in them.
+# Assumptions
+# -----------
+# The prior of the unloaded inner radius is uniform from 0.1 to 0.5 mm; the stretched radius without
+# pressure was 0.20 to 0.23 mm. The wall keeps its volume: the unloaded cross-section is 1.4 times
+# the measured one, with the standard deviation of the three measurements. The errors are errors of
+# pressure, and their size is inferred. Most of it is the misfit of the laws: 2 to 5 mmHg for the
+# controls, and 2 mmHg or less for the other curve. Slopes are not used, because they would need the
+# points that are left out.
 #
-# Laws have their default priors but for the fibres' stiffening. It multiplies the fourth power of
-# stretches that exceed 2 in the control: beyond 5 there is nothing to find.
+# All priors are the defaults, except that of the stiffening of the fibres. It multiplies the fourth
+# power of the stretches, which exceed 2 in the control: values above 5 are not plausible.
 LAWS = {
     ph.PowerLawNeoHookean(): {},
     ph.Ogden(): {},
@@ -78,7 +78,7 @@ LAWS = {
 
 
 def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
-    """Posterior of the material, the unloaded tube and the errors' size."""
+    """Sample the posterior of the material, the unloaded tube and the size of the errors."""
     area = 1e-6 * AXIAL_STRETCH * np.array(WALL_AREA[curve["group"].item()])
     model = ph.inflation_model(
         energy,
@@ -94,10 +94,11 @@ def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
 
 
 def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray) -> list[np.ndarray]:
-    """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
+    """Return the outer diameter (µm) at pressures (kPa): median, and 95 % interval of measurements.
 
-    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. Draws whose curve ends below a pressure are left out there.
+    A pressure error changes the inner radius by error / stiffness. The area of the wall is
+    constant, so the outer radius changes by inner / outer of that. Draws that do not reach a
+    pressure are left out there.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
@@ -111,8 +112,8 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray) -> list[np.ndarr
 
 
 # %%
-# Fit all points, then every other one
-# ------------------------------------
+# Fit all points, then every other point
+# --------------------------------------
 fitted, trained = {}, {}
 for energy in LAWS:
     for group in WALL_AREA:
@@ -125,8 +126,8 @@ for energy in LAWS:
 # %%
 # Evidence, and the unloaded radius
 # ---------------------------------
-# Evidences of one group compare laws: all of them have the same data, errors and tube. A law pays
-# for what its priors admit in vain. The verdict says how far an evidence can be trusted.
+# The evidences of one group compare the laws: all laws have the same data, errors and tube. A wide
+# prior lowers the evidence of a law. The verdict states whether an evidence can be trusted.
 rows = []
 for (law, group), tree in fitted.items():
     posterior = tree["posterior"]
@@ -150,7 +151,7 @@ print(pd.DataFrame(rows).sort_values("group", kind="stable").to_string(index=Fal
 # %%
 # The points left out
 # -------------------
-# Each law, trained on 0, 10, ... 50 mmHg, predicts the outer diameter at 5, 15, ... 45 mmHg.
+# Each law is fitted at 0, 10, ... 50 mmHg, and predicts the outer diameter at 5, 15, ... 45 mmHg.
 rows = []
 for group in WALL_AREA:
     curve = ph.select(data, group=group)
@@ -173,9 +174,9 @@ print(pd.DataFrame(rows).to_string(index=False, float_format="{:.0f}".format))
 # %%
 # The figures
 # -----------
-# Curves: the median, and where 95 % of measurements are expected. The laws were trained on the
-# filled points only. Six points that a law misses leave the size of the errors wide open, and with
-# it the band: where a curve is soft, a few mmHg are a tenth of a millimetre.
+# Lines are medians; the bands should contain 95 % of the measurements. The laws were fitted to the
+# filled points only. Six points that a law does not fit well do not determine the size of the
+# errors, so the bands are wide: where the curve is soft, a few mmHg correspond to 0.1 mm.
 pressures = np.linspace(0, 50, 26) * ph.mmHg
 laws = [energy.name for energy in LAWS]
 colours = {law: f"C{number}" for number, law in enumerate(laws)}
@@ -200,9 +201,10 @@ figure.supxlabel("pressure (mmHg)")
 figure.savefig(OUT / "left_out.png", dpi=150)
 
 # %%
-# The radius that each law infers from all points, beside the flat prior. An isotropic tube that is
-# stretched, and carries no pressure, is narrower than the unloaded one by the root of the stretch:
-# that is the dotted line, from the point at 0 mmHg alone.
+# The figure shows the posterior of the radius for each law, given all points, and the uniform
+# prior. The radius of an isotropic tube that is stretched without pressure is smaller than the
+# unloaded radius by the square root of the stretch: this gives the dotted line, from the point at 0
+# mmHg alone.
 figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
 for ax, group in zip(axes, WALL_AREA, strict=True):
     for law in laws:

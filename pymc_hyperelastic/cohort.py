@@ -271,7 +271,7 @@ def fit_cohort(
     store : Store, str or Path
         The folder, and who computes; see :class:`Store`.
     by : {"specimen", "test"}
-        What is fitted by itself: all experiments on a specimen together, or each experiment.
+        Unit of a fit: all experiments on a specimen together, or each experiment.
     priors : dict of str to distribution or MeasuredValue, optional
         See :func:`~pymc_hyperelastic.inflation_model`; distributions of PyMC with numbers for
         parameters, which can be written down.
@@ -289,8 +289,8 @@ def fit_cohort(
     Returns
     -------
     xarray.DataTree
-        The result, as :func:`open_result` reads it from the store: what is needed is read when it
-        is needed.
+        The result, as :func:`open_result` reads it from the store. Each variable is read when it is
+        needed.
 
     See Also
     --------
@@ -300,7 +300,7 @@ def fit_cohort(
     ------
     TypeError, ValueError
         If data, priors or numbers are unsound, before anything is computed; if the store holds
-        other work, which the message tells.
+        other work.
     OSError
         If the store cannot be written, or no worker is left. Finished batches are kept.
 

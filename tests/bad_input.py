@@ -1,4 +1,4 @@
-"""Input that is wrong, and a check that the error says so before any sampler starts."""
+"""Wrong input, and a check that a call refuses it before a sampler starts."""
 
 from functools import cache
 
@@ -14,11 +14,11 @@ OGDEN = ph.Ogden()
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 SLOPES = ph.SlopeAugmented(sigma=1.0, slope_weight=1.0)
 PLACE = "specimen 'S2', experiment 3"
-"""Specimen and experiment of the curves here, as errors name them."""
+"""Specimen and experiment of `curves`, as error messages name them."""
 
 
 def table(rows):
-    """Parameters for pytest from rows of (name, call, error, fragments of the message)."""
+    """Return parameters for pytest from rows of (name, call, error, fragments of the message)."""
     return [pytest.param(*row[1:], id=row[0]) for row in rows]
 
 
@@ -43,11 +43,6 @@ def curves(
         frame["axial_force"] = forces
     frame.index += 41
     return ph.inflation_data(frame, ph.Tube(**TUBE | geometry))
-
-
-def unknown_curves(forces=None, **geometry) -> xr.Dataset:
-    """The same test with another geometry, such as an unknown radius, perhaps with forces."""
-    return curves(forces=forces, **geometry)
 
 
 def with_nan() -> xr.Dataset:
@@ -79,7 +74,7 @@ def potential(parameters=None, energy=OGDEN, name="curves", likelihood=SLOPES, *
 
 
 def plain_model() -> pm.Model:
-    """The smallest model that can be sampled; it compiles quickly."""
+    """Return a small model that compiles quickly."""
     with pm.Model() as plain:
         x = pm.Normal("x")
         pm.Potential("likelihood", -(x**2))
@@ -94,6 +89,6 @@ def fit(groups=None, energy=OGDEN, likelihood=SLOPES, **settings) -> xr.DataTree
 
 @cache
 def fitted() -> xr.DataTree:
-    """Two fitted classes."""
+    """Return two fitted classes."""
     with pytest.warns(UserWarning, match="the fit is doubtful"):  # one material in two tubes
         return fit({"C1": curves(), "C2": two_tubes()}, random_seed=1)

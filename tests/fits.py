@@ -1,4 +1,4 @@
-"""Standard fits that many tests and docstring examples read, each made once.
+"""Standard fits that many tests and docstring examples read; each fit is made once.
 
 A fit is stored as a netCDF file in a folder whose name is a hash of everything that can change it.
 All processes of a test run, and later runs of the same code, read the same file.
@@ -21,7 +21,7 @@ PACKAGE = Path(ph.__file__).parent
 FOLDER = Path(__file__).parent / ".fits"
 # This file, and data that it fits.
 SOURCES = (Path(__file__), Path(__file__).with_name("variable_classes.py"))
-# A new version of one of these may change a draw.
+# A new version of one of these packages may change draws.
 LIBRARIES = ("numpy", "scipy", "xarray", "pytensor", "pymc", "arviz-base")
 # Fits of the simulated aortas: enough draws for every test that reads them, and quick to make.
 SETTINGS = {"draws": 500, "chains": 2, "random_seed": 1, "progressbar": False}
@@ -53,7 +53,7 @@ def hierarchical() -> xr.DataTree:
 
 
 def neo_hookean_classes() -> xr.DataTree:
-    """Fit two classes of one-parameter specimens, whose answers variable_classes knows exactly."""
+    """Fit two classes of one-parameter specimens; variable_classes has their exact evidences."""
     import variable_classes  # only here: it inflates a tube when it is imported
 
     return variable_classes.fit()

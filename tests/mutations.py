@@ -34,8 +34,8 @@ LINES = ROOT / "results" / "lines"
 SEED = 20261128  # any seed will do
 COUNT = 60
 KINDS = ("sign", "constant", "comparison", "off by one", "dropped term")
-# A constant with a name is a setting of a method: a correct method gives right results with another
-# value too, so that a changed setting is no mistake that a test could find.
+# Named constants are settings of a method. They are not mutated: a correct method gives right
+# results with another value too.
 FLIPPED = {
     ast.Lt: ">",
     ast.Gt: "<",
@@ -220,7 +220,7 @@ class ExecutedLines:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         """Collect the lines that a test and its fixtures execute."""
         self._current = self._lines.setdefault(item.location[0], set())
-        # Else a fit that is in memory would not be read again.
+        # Otherwise a fit that is in memory is not read again.
         self._fits._opened.cache_clear()
         sys.monitoring.restart_events()
         return (yield)
@@ -293,7 +293,7 @@ def is_found(mutation: Mutation, tier: str) -> str:
 
 
 def run(count: int, seed: int) -> None:
-    """Hold the tests against each mutation and store what found it."""
+    """Run the tests on each mutation and store which test failed."""
     RESULTS.parent.mkdir(exist_ok=True)
     found = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     mutations = chosen(count, seed)

@@ -1,4 +1,4 @@
-"""A cohort, and work on it that costs nothing and fails, dies or waits at chosen specimens."""
+"""A cohort, and fast simulated work on it that fails, dies or waits at chosen specimens."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ POLL = 0.01
 
 
 def cohort(specimens: int = SPECIMENS, seed: int = 1) -> xr.Dataset:
-    """Return specimens with two tests each; their curves are those of no material."""
+    """Return specimens with two tests each; the curves are random numbers."""
     rng = np.random.default_rng(seed)
     radius = np.linspace(7.1, 9.0, 5)
     frames = []

@@ -1,4 +1,4 @@
-"""Tables of measurements that are right, and ways to make them wrong."""
+"""Valid tables of measurements, and functions that change them."""
 
 from dataclasses import fields
 
@@ -10,7 +10,7 @@ from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
-# The package's own way to state a cut ring.
+# How the package itself states an opened sector.
 SECTOR = {"convention": "whole", "radii_of": "sector"}
 # Axial forces of the six points of good_frame, two of them missing and one as text.
 FORCES = (1.0, np.nan, 3.0, "4.5", None, 6.0)
@@ -64,7 +64,7 @@ def with_tube(arguments: dict) -> dict:
 
 
 def with_values(name: str, values: object) -> xr.Dataset:
-    """Build good data, then replace a variable behind the builder's back."""
+    """Build valid data, then replace the values of a variable without a check."""
     data = build()
     return data.assign({name: (data[name].dims, values, data[name].attrs)})
 

@@ -60,8 +60,8 @@ def imports(path: Path) -> set[tuple[str, ...]]:
     return {part[1:] for part in parts if part[0] == PACKAGE.name}
 
 
-def arrows(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
-    """Return pairs of importing and imported modules of a folder; a name that is none is ""."""
+def imports_within(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
+    """Return pairs of importing and imported modules of a folder; "" stands for other names."""
     known = inside(folder)
     found = set()
     for name in known:
@@ -74,7 +74,7 @@ def arrows(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
     return {(importer, target) for importer, target in found if importer != target}
 
 
-def test_page_lists_every_wing_and_module_once():
+def test_architecture_page_lists_every_wing_and_module_once():
     assert sorted(mapped_wings()) == sorted(inside(PACKAGE))
     for wing in mapped_wings():
         if not (PACKAGE / wing).is_dir():
@@ -91,7 +91,7 @@ def assert_upward(order: list[str], found: set[tuple[str, str]]) -> None:
 
 
 def test_wings_import_only_from_wings_above_them_on_the_page():
-    assert_upward(mapped_wings(), arrows(PACKAGE))
+    assert_upward(mapped_wings(), imports_within(PACKAGE))
 
 
 @pytest.mark.parametrize(
@@ -99,10 +99,10 @@ def test_wings_import_only_from_wings_above_them_on_the_page():
     ["parallel", "mechanics", "data", "evidence", "models", "io", "classes", "plots", "reports"],
 )
 def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
-    assert_upward(mapped_rooms(wing), arrows(PACKAGE / wing, (wing,)))
+    assert_upward(mapped_rooms(wing), imports_within(PACKAGE / wing, (wing,)))
 
 
-# Modules that integrate over a wall; others ask the forward model, or for an integral by its name.
+# Modules that integrate over a wall; other modules use the forward model or a named integral.
 INTEGRATORS = {
     "mechanics": {"collocation", "selected_nodes", "wall"},
     "models/forward": {
@@ -116,7 +116,7 @@ INTEGRATORS = {
 }
 
 
-def test_only_mechanics_and_the_forward_model_import_how_a_wall_is_integrated():
+def test_only_mechanics_and_the_forward_model_import_integrators():
     hidden = {(*folder.split("/"), name) for folder, names in INTEGRATORS.items() for name in names}
     assert all((PACKAGE / Path(*part).with_suffix(".py")).exists() for part in hidden)
     own = [PACKAGE / folder for folder in INTEGRATORS]
@@ -127,7 +127,7 @@ def test_only_mechanics_and_the_forward_model_import_how_a_wall_is_integrated():
     assert forward, "no import was found: the search itself is broken"
 
 
-ALONE = """
+EVIDENCE_ALONE = """
 import sys, types
 from importlib.machinery import PathFinder
 
@@ -161,9 +161,9 @@ print(log_evidence(tree).value)
 """
 
 
-def test_evidence_samples_a_model_where_no_wing_about_tubes_can_be_imported():
+def test_evidence_samples_a_model_if_other_wings_cannot_be_imported():
     others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "messages", "parallel")]
-    code = ALONE.format(others=others, folder=str(PACKAGE))
+    code = EVIDENCE_ALONE.format(others=others, folder=str(PACKAGE))
     in_python = os.environ | {"PYTENSOR_FLAGS": "mode=FAST_COMPILE"}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, env=in_python)

@@ -30,7 +30,7 @@ def test_reference_lists_every_public_name_once():
     assert sorted(listed) == sorted({*ph.__all__} - {*ph.list_strain_energies()})
 
 
-def test_package_citation_changelog_and_conda_recipe_state_one_version_and_its_dependencies():
+def test_all_files_state_the_same_version_and_dependencies():
     version = PROJECT["version"]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -45,7 +45,7 @@ def test_package_citation_changelog_and_conda_recipe_state_one_version_and_its_d
 @pytest.mark.parametrize(
     "kept", sorted((ROOT / "docs" / "stored").iterdir()), ids=lambda path: path.name
 )
-def test_example_that_the_documentation_does_not_run_has_a_stored_thumbnail(kept):
+def test_example_with_stored_figures_has_a_stored_thumbnail(kept):
     text = (ROOT / "examples" / f"{kept.name}.py").read_text(encoding="utf-8")
     (picture,) = re.findall(r'^# sphinx_gallery_thumbnail_path = "(.*)"$', text, re.MULTILINE)
     assert (ROOT / "docs" / picture).parent == kept and (ROOT / "docs" / picture).exists()

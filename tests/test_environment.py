@@ -54,7 +54,7 @@ def expected(table):
     return ph.log_evidence(ph.sample_smc(model, 100, 1, random_seed=1, progressbar=False)).value
 
 
-def test_no_home_no_compiler_and_no_locale_are_needed(tmp_path):
+def test_package_works_without_home_compiler_and_locale(tmp_path):
     environment = {name: os.environ[name] for name in ("PATH", "PYTHONPATH") if name in os.environ}
     environment["LC_ALL"] = "C"
     environment["PYTENSOR_FLAGS"] = f"cxx=,base_compiledir={tmp_path / 'compiled'}"

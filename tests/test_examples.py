@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 LAWS = ("PowerLawNeoHookean", "Ogden", "CriscioneType")
 # No cell has a time limit, and a slow computer may take long to start a kernel and to print.
 LIMITS = {"timeout": None, "startup_timeout": 3600, "iopub_timeout": 600}
-# Examples that need no table from elsewhere, and replacements of lines that take less time.
+# Examples that need no external table, and replacements of lines that shorten them.
 SMALL = {
     "classify_csv": {},
     "pulmonary_hypertension": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},
@@ -130,7 +130,7 @@ def test_true_model_of_the_simulated_aortas_finds_the_group_of_a_specimen(tmp_pa
 
 
 @pytest.mark.parametrize("study", sorted(ELSEWHERE))
-def test_study_without_its_data_names_the_tables_and_their_place(study, tmp_path, monkeypatch):
+def test_study_without_its_data_is_refused_with_the_missing_tables(study, tmp_path, monkeypatch):
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(EXAMPLES)

@@ -17,8 +17,8 @@ QUIET = {"progressbar": False, "random_seed": 3}
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
 # Errors of medians of some 500 draws, as shares of the standard deviation: four standard errors.
-OF_MEDIANS = 4 * 1.25 / np.sqrt(500)
-# Differences that rounding in another order of sums may make.
+MEDIAN_ERROR = 4 * 1.25 / np.sqrt(500)
+# Relative differences between sums of the same terms in another order.
 ROUNDING = 1e-6
 STUDY = ph.load_dataset("simulated_sheep_aorta")
 
@@ -36,7 +36,7 @@ def fitted(tmp_path_factory):
     return ph.fit_cohort(ph.Ogden(), some, LIKELIHOOD, serial(store), **settings)
 
 
-def test_a_property_beyond_the_measured_pressures_is_doubtful(tmp_path):
+def test_property_beyond_the_measured_pressures_marks_a_fit_as_doubtful(tmp_path):
     at = ph.Conditions([300], pressure_unit="mmHg")
     one = ph.select(STUDY, specimen="S1")
     with pytest.warns(UserWarning, match="1 of 1 have a doubtful fit.*S1: .*measured"):
@@ -45,24 +45,24 @@ def test_a_property_beyond_the_measured_pressures_is_doubtful(tmp_path):
     assert "measured" in said
 
 
-def test_the_evidence_of_a_specimen_equals_quadrature(fitted):
+def test_evidence_of_a_specimen_equals_quadrature(fitted):
     one = ph.select(STUDY, specimen="S4")
     exact = ph.log_evidence_by_quadrature(ph.inflation_model(ph.Ogden(), one, LIKELIHOOD))
     evidence = fitted["evidence"].sel(specimen="S4")
     error = np.hypot(evidence["log_evidence_se"].item(), exact.standard_error)
-    # The errors of interpolated curves make less than 0.001 nats.
+    # Errors of interpolated curves change the evidence by less than 0.001 nats.
     assert abs(evidence["log_evidence"].item() - exact.value) < STANDARD_ERRORS * error + 1e-3
     assert evidence["error"].item() == ""
     assert evidence["log_evidence_se"].item() < 0.05
 
 
-def test_posterior_and_properties_of_a_specimen_equal_those_of_sampling(fitted):
+def test_posterior_and_properties_of_a_specimen_equal_a_sampled_model(fitted):
     tree = fits.fit("sampled")
     for name in ("mu", "alpha"):
         # The posterior of Ogden's law has two mirrored modes.
         own = abs(fitted["posterior"][name].sel(specimen="S1"))
         other = abs(tree["posterior"][name])
-        assert abs(own.median() - other.median()) < OF_MEDIANS * other.std()
+        assert abs(own.median() - other.median()) < MEDIAN_ERROR * other.std()
         assert own.std().item() == pytest.approx(other.std().item(), rel=0.2)
     ours = fitted["properties"]["compliance"].sel(specimen="S1")
     own = fitted["posterior"].to_dataset().sel(specimen="S1", drop=True)[["mu", "alpha"]]
@@ -76,7 +76,7 @@ def test_posterior_and_properties_of_a_specimen_equal_those_of_sampling(fitted):
     assert ours["pressure"].attrs["units"] == "mmHg"
 
 
-def test_priors_are_stored_and_a_change_of_them_is_refused(tmp_path):
+def test_noise_of_each_test_is_inferred_and_a_changed_likelihood_refused(tmp_path):
     unknown = pm.HalfNormal.dist(1.0)
     settings = QUIET | {"draws": 50, "by": "test"}
     one = ph.select(STUDY, specimen="S1", experiment=[1, 2])
@@ -89,7 +89,7 @@ def test_priors_are_stored_and_a_change_of_them_is_refused(tmp_path):
         ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, serial(tmp_path / "store"), **settings)
 
 
-def test_a_store_of_a_law_of_another_formula_is_refused(tmp_path, monkeypatch):
+def test_store_refuses_a_law_of_the_same_name_with_another_formula(tmp_path, monkeypatch):
     """The class of a user has the same name, and its parameters the same priors."""
     monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
 
@@ -109,7 +109,7 @@ def test_a_store_of_a_law_of_another_formula_is_refused(tmp_path, monkeypatch):
         ph.fit_cohort(mine(4), one, 5.0, serial(tmp_path), **settings)
 
 
-def test_wrong_settings_are_named(tmp_path):
+def test_wrong_settings_are_refused(tmp_path):
     for settings, message in (
         ({"by": "animal"}, "by must be 'specimen' or 'test', not 'animal'"),
         ({"at": ph.Conditions()}, "at states no pressure"),
@@ -118,11 +118,11 @@ def test_wrong_settings_are_named(tmp_path):
             ph.fit_cohort(ph.Ogden(), STUDY, LIKELIHOOD, tmp_path / "store", **QUIET | settings)
 
 
-def test_representatives_hold_the_extremes_of_a_large_cohort():
+def test_representatives_include_the_extremes_of_a_large_cohort():
     assert representatives(STUDY) is STUDY
     data = cohort(150)
     pressure, test = data["pressure"].values, data["test"].values
-    # The evenly spread tests hold neither of these two.
+    # The evenly spaced tests do not include tests 4 and 7.
     pressure[test == 4] *= 100.0
     pressure[test == 7] -= 1000.0
     found = representatives(data)
@@ -146,8 +146,8 @@ def test_processes_and_batches_do_not_change_numbers(tmp_path):
 
 
 @pytest.mark.deep
-def test_long_calls_resume_from_their_stores(tmp_path, monkeypatch):
-    """Neither fits of classes nor cross-validation sample a stored specimen again."""
+def test_fit_classes_and_cross_validate_resume_from_their_stores(tmp_path, monkeypatch):
+    """No stored specimen is sampled again."""
     groups = {name: ph.select(STUDY, group=name) for name in ("C1", "C2")}
     settings = {"draws": 200, "random_seed": 1, "progressbar": False}
     settings |= {"likelihood": 3 * ph.mmHg, "variability": "specimen"}
@@ -166,8 +166,8 @@ def test_long_calls_resume_from_their_stores(tmp_path, monkeypatch):
     assert all(a.equals(b) for a, b in zip(results(), first, strict=True))
 
 
-def test_a_doubtful_fit_is_warned_of_and_told(tmp_path):
-    """A wall that is stiffer than its prior allows, beside one that is not."""
+def test_doubtful_fit_gives_a_warning_and_is_stored(tmp_path):
+    """One of two walls is stiffer than its prior allows."""
     radius = np.linspace(2.55, 2.7, 8)
     tube = ph.Tube(inner_radius=2.5, outer_radius=3.0)
     unit = ph.inflation_pressure(ph.NeoHookean(), radius, tube, mu=1.0)

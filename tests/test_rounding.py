@@ -1,4 +1,4 @@
-"""Rounding errors, which differ between computers, change no choice, message or class."""
+"""Rounding errors, which differ between computers, change no decision, order or message."""
 
 from types import SimpleNamespace
 
@@ -31,8 +31,8 @@ either_way = pytest.mark.parametrize("error", [0.0, 2**-52, -(2**-52)])
 
 
 @either_way
-def test_first_of_equally_probable_classes(error):
-    """The decision, its limits, the score, the rival class, and the number above the bar."""
+def test_first_of_equally_probable_classes_is_chosen_despite_rounding(error):
+    """Checked are the decision, its limits, the score, the rival, and the number above the bar."""
     p = xr.DataArray([[0.5 - error / 2, 0.5 + error / 2]], {"class_label": ["a", "b"]}, DIMS)
     columns = {"class_probability": p, "log_evidence": np.log(p), "log_evidence_se": 0 * p}
     columns |= {"pareto_k": 0 * p, "class_verdict": xr.full_like(p, "good", dtype=object)}
@@ -45,8 +45,8 @@ def test_first_of_equally_probable_classes(error):
 
 
 @either_way
-def test_equal_decisions_and_designs_stay_in_order(error):
-    """Decisions in a report, designs, and simulated specimens, one of which is of either class."""
+def test_order_of_equal_decisions_and_designs_does_not_depend_on_rounding(error):
+    """Checked are decisions in a report, designs, and classes of simulated specimens."""
     p = 0.5 + error * np.arange(300)[::-1, None] * [1, -1]
     table = xr.Dataset({"class_probability": (DIMS, p)}, {"specimen": range(300)})
     table = table.assign(decision=("specimen", ["a"] * 300)).assign_coords(class_label=["a", "b"])
@@ -68,16 +68,16 @@ def covariates(values):
     return Covariates(xr.DataTree.from_dict(tree), {"x": both["x"].to_series().to_dict()})
 
 
-def test_covariate_that_is_constant_or_a_group():
-    """0.1 + 0.2 is 0.3; and a covariate of two values, one a group, is that group."""
+def test_covariate_constant_or_collinear_up_to_rounding_is_recognised():
+    """0.1 + 0.2 equals 0.3 up to rounding; two values that separate the groups are collinear."""
     with pytest.raises(ValueError, match="'x' is the same for all specimens"):
         covariates([0.3, 0.1 + 0.2, 0.3, 0.3, 0.1 + 0.2])
     with pytest.warns(UserWarning, match="are collinear"):
         covariates(1e6 + np.array([0.1, 0.1, 0.7, 0.7, 0.7]))
 
 
-def test_design_at_the_unloaded_radius_cannot_be_done():
-    """In none of 40 tubes, whose pressures at that radius are 0 but for rounding errors."""
+def test_planned_radius_equal_to_the_unloaded_radius_gives_nan():
+    """In 40 tubes the pressure at the unloaded radius is 0 up to rounding errors."""
     scale = SimpleNamespace(names=["mu"], numbers=lambda coordinates: {"mu": coordinates[0]})
     settings = {"geometry": {}, "energy": ph.NeoHookean(), "variability": ph.Variability()}
     kind = SimpleNamespace(scale=scale, **settings)
@@ -88,7 +88,7 @@ def test_design_at_the_unloaded_radius_cannot_be_done():
 
 
 def test_sign_of_eigenvectors_does_not_change_a_p_value(monkeypatch):
-    """Libraries of linear algebra return either sign."""
+    """The sign of eigenvectors depends on the linear algebra library."""
     normal, eigh, found = np.random.default_rng(1).standard_normal((3, 2, 400)), np.linalg.eigh, []
     for signs in ([1, 1], [1, -1]):
         monkeypatch.setattr(np.linalg, "eigh", lambda a, s=signs: (eigh(a)[0], eigh(a)[1] * s))
@@ -97,8 +97,8 @@ def test_sign_of_eigenvectors_does_not_change_a_p_value(monkeypatch):
     assert found[0] == found[1]
 
 
-def test_first_of_equally_bad_unknowns_is_named():
-    """Chains that disagree in an unknown disagree as much in its negative."""
+def test_first_of_equally_disagreeing_unknowns_is_named():
+    """The second unknown is the negative of the first one and disagrees as much."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
         x = rng.normal([[0.0], [1.0]], 1.0, (2, 100))
@@ -106,7 +106,7 @@ def test_first_of_equally_bad_unknowns_is_named():
         assert "of x)" in words
 
 
-def test_equal_numbers_have_no_tail_and_no_convergence():
+def test_numbers_equal_up_to_rounding_have_no_pareto_tail_and_no_rhat_warning():
     """Weights whose logarithms near -1e4 differ by 1e-12, and draws that differ by 1e-16."""
     rng = np.random.default_rng(1)
     assert pareto_shape(-1e4 + 1e-12 * rng.standard_normal(4000)) == -np.inf
@@ -116,21 +116,22 @@ def test_equal_numbers_have_no_tail_and_no_convergence():
     assert not page.notices
 
 
-def test_stress_at_an_interface_is_that_of_the_layer_within():
-    """In every draw of the inner radius."""
+def test_stress_at_an_interface_is_the_stress_of_the_inner_layer():
+    """The position of the interface is rounded differently in each draw of the inner radius."""
     layers = [ph.Layer(ph.NeoHookean(), 0.5), ph.Layer(ph.NeoHookean(), 0.3, mu=1.0)]
     tree = result(mu_1=np.full(60, 100.0), inner_radius=np.linspace(3.0, 9.0, 60))
     stress = ph.wall_stress(tree, 0.5, points=[0.62, 0.625, 0.63], energy=layers)
+    # The outer layer is a hundred times softer, so that its hoop stress is far smaller.
     np.testing.assert_allclose(*stress["sigma_tt"].values[0, :, 0, :2].T, rtol=0.05)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1 / 3, ph.mmHg, 7.5006])
-def test_a_fall_of_a_tenth_is_no_turn(unit):
-    """Neither 10 of 100 mmHg nor the same in another unit."""
+def test_pressure_drop_of_a_tenth_of_the_range_is_no_turn_in_any_unit(unit):
+    """The pressure drops by 10 of 100 mmHg, also in other units."""
     assert order._turns(unit * np.array([0.0, 50.0, 40.0, 100.0, 90.0])) == 0
 
 
-def test_lengths_in_different_units_agree():
+def test_lengths_equal_up_to_rounding_of_units_agree():
     """6.9 mm and 0.0069 m, which is 6.8999999999999995 mm."""
     points = pd.DataFrame({"specimen": "S1", "experiment": 1, "pressure": [1.0, 2.0]})
     points = points.assign(radius=[7.0, 7.5], inner_radius=[6.9, 0.0069 * 1000])
@@ -141,8 +142,8 @@ def test_lengths_in_different_units_agree():
 
 
 @either_way
-def test_stretches_that_differ_by_rounding_are_one(error):
-    """Two such stretches belong to one tube, and to one point of the hull of all stretches."""
+def test_stretches_equal_up_to_rounding_belong_to_one_tube(error):
+    """The two stretches define one tube, and one point of the hull of all stretches."""
     stretch = np.array([1.2, 1.2 + error])
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=[1, 2])
     data = data.assign(axial_stretch=("test", stretch))

@@ -26,7 +26,7 @@ def decision(specimen):
     return found["log_evidence"].values.tolist()
 
 
-def test_fits_decisions_and_predictions_in_threads_equal_those_one_by_one():
+def test_fits_decisions_and_predictions_in_threads_equal_serial_calls():
     four = ["S1", "S2", "S3", "S4"]
     for function, specimens in ((evidence, four), (decision, four[:2]), (properties, four)):
         alone = [function(specimen) for specimen in specimens]
@@ -34,8 +34,8 @@ def test_fits_decisions_and_predictions_in_threads_equal_those_one_by_one():
             assert list(pool.map(function, specimens * 2)) == alone * 2
 
 
-def test_likelihoods_that_are_made_in_threads_equal_those_made_one_by_one():
-    """Each is a part of a model of the thread, and is evaluated afterwards."""
+def test_likelihoods_made_in_threads_equal_likelihoods_made_serially():
+    """Each thread adds its likelihood to its own model, which is evaluated afterwards."""
 
     def made(specimen):
         data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimen)
@@ -54,7 +54,7 @@ def test_likelihoods_that_are_made_in_threads_equal_those_made_one_by_one():
     assert [value(model) for model in models] == alone
 
 
-def test_reports_in_two_threads_leave_the_settings_of_figures(tmp_path):
+def test_reports_in_two_threads_are_equal_and_keep_matplotlib_settings(tmp_path):
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
     before = dict(matplotlib.rcParams)
     paths = [tmp_path / f"{i}.html" for i in range(2)]

@@ -106,7 +106,7 @@ def fitted_tree(energy: str = "NeoHookean", **variables) -> xr.DataTree:
 
 
 def fitted_to(data: xr.Dataset, energy: str, tree: xr.DataTree) -> xr.DataTree:
-    """Return a posterior with the data that it was inferred from and the name of its law."""
+    """Return a posterior with these inflation data and the name of its law."""
     tree["constant_data"] = xr.DataTree(data)
     tree.attrs["strain_energy"] = energy
     return tree

@@ -74,7 +74,7 @@ def explain(data, classes, **settings):
 
 # kPa: the package's reference stress. A neo-Hookean wall has it at the reference strain.
 STRESS = 20.0
-# All coordinates that matter; the curves know one to 0.01 or worse.
+# Grid of coordinates with a relevant density; curves determine a coordinate to 0.01 or worse.
 GRID = np.linspace(-5.5, 1.5, 2801)
 STEP = GRID[1] - GRID[0]
 # Nats below the largest likelihood where it is negligible.
@@ -95,7 +95,7 @@ def log_likelihoods(data):
 
 
 def log_evidence_of_specimen(data, location, spread, within=None, effect=None):
-    """Log evidence of a specimen of a class with this distribution, by sums over grids.
+    """Return the log evidence of a specimen under a class distribution, by sums over grids.
 
     With `within` the coordinates of the tests differ from that of the specimen, and `effect` is the
     spread of the logarithm of how much they do.

@@ -27,7 +27,7 @@ SMOOTH_TUBES = ("shortened", "in vivo", "extreme", "slackening, stretched", "sla
 # of the fourth order: with exponents up to 200 its error is some (200 STEP)^4/30, or 5e-9.
 STEP = 1e-4
 DIFFERENCE_TOLERANCE = 1e-7
-# Two formulas for one integral with the same nodes: rounding, with exponents up to 60.
+# Rounding error between two formulas for one integral with the same nodes; exponents reach 60.
 IDENTITY_TOLERANCE = 1e-12
 
 

@@ -1,14 +1,15 @@
-"""Evidences of classes, many seeds, against values that use nothing of the package.
+"""Compare evidences of classes, for many seeds, with exact values computed without the package.
 
 ``python class_evidences.py --seeds 100 --out class_evidences.json`` fits the two classes of the
-simulated sheep aortas with three strain energies, once as in the paper, all specimens alike, and
-once with specimens that differ. It prints, for each, the mean error of the log evidence with its
-standard error, and how often two stated errors cover the truth.
+simulated sheep aortas with three strain energies, pooled and with variability. For each it prints
+the mean error of the log evidence with its standard error, and how often the truth lies within two
+stated errors.
 
-The truth is quadrature. For classes whose specimens are alike that is the one of
-``tests/exact.py``. Otherwise each specimen's likelihood is tabulated over its two coordinates,
-exactly, since it is a parabola in the modulus, and the five unknowns of the class are left to
-importance sampling, with an error that is printed too.
+The exact values are computed by quadrature. For pooled classes this is the quadrature of
+``tests/exact.py``. For classes with variability, the likelihood of each specimen is tabulated over
+its two coordinates; this is exact, because the log likelihood is a parabola in the modulus. The
+integral over the five unknowns of the class is computed by importance sampling, whose error is
+printed too.
 """
 
 import argparse
@@ -34,32 +35,32 @@ LAWS = {
     "CriscioneType": ph.CriscioneType(),
 }
 GROUPS = ("C1", "C2")
-# Documented priors of a class, see `population_model`: medians of the reference stress (kPa) and of
-# the strain, with the sds of the logarithms.
+# Documented priors of a class, see `population_model`: the reference stress (kPa), then medians and
+# standard deviations of the logarithms.
 REFERENCE_STRESS = 20.0
 STRAIN = (0.2, 0.7)
 SHAPE_SD = 1.2
 SPREAD = (0.4, 0.7)
-# Nats below the largest likelihood from which a point is left out of a table.
+# Points whose log likelihood is this many nats below the largest one are left out of a table.
 NEGLIGIBLE = 20.0
-# Gauss-Legendre nodes of a panel.
+# Number of Gauss-Legendre nodes in a panel.
 ORDER = 12
-# Panels of an interval, at least.
+# Smallest number of panels in an interval.
 PANELS = 2
-# Largest width of a panel: a class may be narrow.
+# Largest width of a panel, small because a class may be narrow.
 WIDTH = 0.2
-# Sds of the location of a class; no class has specimens further away.
+# Largest distance of a specimen from the prior mean, in prior standard deviations of the location.
 REACH = 25.0
-# Coordinate of the shape from which curves no longer change: the power law is an exponential.
+# Above this coordinate of the shape, curves no longer change: the power law is then an exponential.
 LIMIT = 12.0
-# Points of all specimens times distributions of a class, for one exact value.
+# Number of points of all specimens times number of distributions of a class, for one exact value.
 WORK = 3e9
-# Distributions of a class that are evaluated together.
+# Number of distributions of a class that are evaluated together.
 BLOCK = 50
 
 
 def panels(low, high, width=WIDTH):
-    """Nodes and weights of a composite Gauss-Legendre rule."""
+    """Return nodes and weights of a composite Gauss-Legendre rule."""
     node, weight = leggauss(ORDER)
     count = max(PANELS, int(np.ceil((high - low) / width)))
     edges = np.linspace(low, high, count + 1)
@@ -68,13 +69,13 @@ def panels(low, high, width=WIDTH):
 
 
 def log_modulus_of_strain(law, log_strain, exponent):
-    """The modulus with which stress at this hoop strain is the reference stress."""
+    """Return the log modulus for which the stress at this hoop strain is the reference stress."""
     hoop = np.exp(np.exp(log_strain))
     return np.log(REFERENCE_STRESS) - np.log(hoop * RESPONSES[law](hoop, 1.0, exponent))
 
 
 def log_strain_of_modulus(law, log_modulus, exponent):
-    """Inverse of that, by bisection: the modulus falls as the strain grows."""
+    """Invert `log_modulus_of_strain` by bisection: the modulus falls as the strain grows."""
     low, high = np.full_like(log_modulus, -25.0), np.full_like(log_modulus, 3.0)
     for _ in range(80):
         middle = (low + high) / 2
@@ -85,9 +86,9 @@ def log_strain_of_modulus(law, log_modulus, exponent):
 
 
 def tabulate(curves, law, shape_mean):
-    """Points ``(ln e, ln exponent)`` and log weights: a sum over them is an integral times L."""
+    """Return points ``(ln e, ln exponent)`` and log weights of an integral times the likelihood."""
 
-    @np.errstate(all="ignore")  # an exponent may be so large that pressures overflow
+    @np.errstate(all="ignore")  # pressures overflow for large exponents
     def profile(x):
         top, *others = parabola(
             curves, law, np.exp(np.minimum(x, LIMIT)), sigma=SIGMA, slope_weight=0.0
@@ -105,7 +106,7 @@ def tabulate(curves, law, shape_mean):
     shapes = [np.concatenate(x) for x in zip(*rules, strict=True)]
     top, curvature, peak = profile(shapes[0])
     reach = np.sqrt(NEGLIGIBLE / curvature)
-    # A large modulus is a small strain.
+    # A large modulus corresponds to a small strain.
     ends = [
         log_strain_of_modulus(law, np.log(m), np.exp(np.minimum(shapes[0], LIMIT)))
         for m in (peak + reach, np.maximum(peak - reach, 1e-3 * peak))
@@ -123,7 +124,7 @@ def tabulate(curves, law, shape_mean):
 
 
 def class_log_prior(theta, shape_mean):
-    """Log density of ``(m_1, m_2, ln tau_1, ln tau_2, atanh rho)``."""
+    """Return the log prior density of ``(m_1, m_2, ln tau_1, ln tau_2, atanh rho)``."""
     location = stats.norm([np.log(STRAIN[0]), shape_mean], [STRAIN[1], SHAPE_SD])
     spread = stats.norm(np.log(SPREAD[0]), SPREAD[1])
     squared = np.tanh(theta[:, 4]) ** 2
@@ -137,7 +138,7 @@ def class_log_prior(theta, shape_mean):
 
 
 def log_likelihood(theta, specimens):
-    """Logarithm of the product of the specimens' integrals, for each distribution of a class."""
+    """Return the log product of the specimens' integrals, for each distribution of a class."""
     total = np.zeros(len(theta))
     for points, log_mass in specimens:
         squares = np.stack([np.ones(len(points)), *points.T, *(points**2).T, points.prod(axis=1)])
@@ -155,7 +156,7 @@ def log_likelihood(theta, specimens):
 
 
 def class_evidence(data, law):
-    """Log evidence of a class whose specimens differ, and its standard error."""
+    """Return the log evidence of a class with variability, and its standard error."""
     rng = np.random.default_rng(1)
     shape_mean = np.log(LAWS[law].parameters[1].prior_range[1] / 6)
     specimens = [
@@ -164,12 +165,12 @@ def class_evidence(data, law):
     ]
     mean = np.array([np.log(STRAIN[0]), shape_mean, *2 * [np.log(SPREAD[0])], 0.0])
     covariance = np.diag(np.square([STRAIN[1], SHAPE_SD, SPREAD[1], SPREAD[1], 0.6]))
-    # Proposals of heavy tails, each learnt from the one before.
+    # Heavy-tailed proposals; each is fitted to the weighted draws of the one before.
     last = int(WORK / sum(len(log_mass) for _, log_mass in specimens))
     for draws in (4000, 8000, 8000, last):
         proposal = stats.multivariate_t(mean, covariance, df=6, seed=rng)
         theta = proposal.rvs(draws)
-        # Far out a correlation is rounded to one, where the prior vanishes.
+        # A correlation may be rounded to one, where the prior density is zero.
         with np.errstate(all="ignore"):
             log_weight = class_log_prior(theta, shape_mean) + log_likelihood(theta, specimens)
         log_weight = np.nan_to_num(log_weight - proposal.logpdf(theta), nan=-np.inf, neginf=-np.inf)
@@ -180,7 +181,7 @@ def class_evidence(data, law):
 
 
 def pooled_evidence(data, law):
-    """Log evidence of a class whose specimens are alike, by quadrature."""
+    """Return the log evidence of a pooled class, by quadrature."""
     box = [p.prior_range for p in LAWS[law].parameters]
     return log_evidence_2d(data, law, sigma=SIGMA, slope_weight=SLOPE_WEIGHT, box=box), 0.0
 
@@ -191,7 +192,7 @@ VARIABILITY = {"alike": {}, "differ": {"variability": "specimen"}}
 
 
 def fit(law, data, seed, kind):
-    """Log evidence by the package, and the error that it states."""
+    """Return the log evidence from the package, and its stated error."""
     likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHTS[kind])
     settings = {"random_seed": seed, "progressbar": False} | VARIABILITY[kind]
     fitted = ph.fit_classes(LAWS[law], {"all": data}, likelihood, **settings)
@@ -199,7 +200,7 @@ def fit(law, data, seed, kind):
 
 
 def summary(truth, error_of_truth, found):
-    """One line: how far from the truth evidences are, and how far they say they are."""
+    """Return one line with the true errors and the stated errors of the evidences."""
     errors, stated = found[:, 0] - truth, found[:, 1]
     return (
         f"truth {truth:.4f} +- {error_of_truth:.4f}, mean error "

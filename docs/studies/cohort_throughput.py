@@ -1,10 +1,10 @@
-"""How many specimens a second a cohort takes, how much memory, and how fast its store opens.
+"""Measure the speed and memory of classifying a cohort, and the time to open its store.
 
 python cohort_throughput.py --specimens 10000 --kind pooled --out results/cohort
 
-Specimens of Ogden's law, of two parameters, with one curve of 20 points each, are held against two
-classes, with one process and with two. The times and sizes are printed and written to a table. A
-run that was interrupted continues, and then it has no time. docs/guides/cluster.md shows the table.
+The study classifies specimens of Ogden's law, with one curve of 20 points each, with two classes,
+using one process and then two. It prints times and sizes, and writes them to a table. A run that
+was interrupted continues, but then has no time. docs/guides/cluster.md shows the table.
 """
 
 import argparse
@@ -37,13 +37,13 @@ AT_ONCE = 2000
 
 
 def cohort(count: int, rng: np.random.Generator, prefix: str) -> xr.Dataset:
-    """Specimens of both groups by turns, measured with errors."""
+    """Return specimens of both groups in turn, measured with errors."""
     names = list(GROUPS)
     frames = []
     for first in range(0, count, AT_ONCE):
         number = np.arange(first, min(first + AT_ONCE, count))
         radius = np.full((len(number), len(PRESSURE)), np.nan)
-        # One of several hundred has no radius at the highest pressure.
+        # One of several hundred specimens has no radius at the highest pressure: draw it again.
         while (lacking := np.isnan(radius).any(axis=1)).any():
             location = np.array([GROUPS[names[i % 2]] for i in number[lacking]]).T
             x = location + SPREAD[:, None] * rng.standard_normal(location.shape)

@@ -1,14 +1,14 @@
-"""Many simulated studies of two groups: whether intervals cover, and Bayes factors are calibrated.
+"""Simulate studies of two groups: coverage of intervals, and calibration of Bayes factors.
 
 python group_studies.py --studies 300 --out results/group_studies.csv
 
-Specimens of Ogden's law, six of each group, are inflated once. Groups differ by 0, 0.5 or 1 spread,
-in a direction of the two coordinates that is drawn anew for each study; half of the studies have no
-difference. Spreads and correlation are the same in all studies and both groups, smaller than the
-prior expects, or with ``--spreads prior`` drawn from it for each group, as the model supposes. Each
-study is fitted, and compared by the logarithm of the compliance. Beside it stands how often an
-interval covers that is known otherwise: of normal values without errors, under the same prior of
-their spread. What has been simulated is kept: a run that was interrupted goes on.
+Each group has six specimens of Ogden's law, inflated once. Half of the studies have no difference.
+In the others the groups differ by 0.5 or 1 spread, in a random direction of the two coordinates.
+Spreads and correlation are the same in all studies and groups, and smaller than the prior expects.
+With ``--spreads prior`` they are drawn from the prior for each group, as in the model. Each study
+is fitted, and the groups are compared by the logarithm of the compliance. For comparison, the
+program prints the coverage of intervals for normal values without measurement errors, with the same
+prior of their spread. Finished studies are stored, and an interrupted run continues.
 """
 
 import argparse
@@ -38,18 +38,19 @@ TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 LOCATION, SPREAD, CORRELATION = np.array([-1.8, 1.7]), np.array([0.3, 0.25]), -0.4
 PRESSURE, NOISE = np.linspace(1.0, 16.0, 20), 0.3  # kPa
 FEWEST = 5  # points of a specimen
-# Softer than most are typical specimens, too, where their spreads may be large.
+# The pressure (kPa) of the compliance: lower for large spreads, because typical specimens may then
+# be very soft.
 AT = 13.0 if args.spreads == "fixed" else 6.0
 DISTANCES = [0.0, 0.5, 0.0, 1.0]
 SCALE = NaturalScale(LAW)
 
 
 class BearsNothingError(ValueError):
-    """A tube that cannot be inflated."""
+    """Raised for a tube that bears no pressure."""
 
 
 def tree_of(x: np.ndarray) -> xr.DataTree:
-    """Materials (coordinate, draw) in place of a posterior."""
+    """Return materials (coordinate, draw) as a result with a posterior."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
     return xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
 
@@ -61,7 +62,7 @@ def log_compliance(x: np.ndarray) -> np.ndarray:
 
 
 def covariances(rng: np.random.Generator) -> list[np.ndarray]:
-    """How specimens of each group differ."""
+    """Return the covariance between specimens of each group."""
     found = []
     for _ in range(2):
         spread, correlation = SPREAD, CORRELATION
@@ -72,9 +73,10 @@ def covariances(rng: np.random.Generator) -> list[np.ndarray]:
 
 
 def coverage_of_normal_values(rng: np.random.Generator, studies: int = 4000) -> float:
-    """Share of 95 % intervals of a difference of means that hold it, by a grid of spreads.
+    """Return the fraction of 95 % intervals that contain the true difference of means.
 
-    Groups are of normal values without errors, and the prior of each spread is that of a class.
+    Groups are normal values without errors. The prior of each spread is that of a class; the
+    posterior is computed on a grid of spreads.
     """
     (middle, *_), sd_of_logs = SCALE.spread_prior
     logs = np.linspace(middle - 5 * sd_of_logs, middle + 5 * sd_of_logs, 200)
@@ -97,9 +99,9 @@ def coverage_of_normal_values(rng: np.random.Generator, studies: int = 4000) -> 
 
 
 def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radii at pressures, as far as it bears them; the softest ones get smaller steps.
+    """Return the radii of a specimen at the pressures that it bears; soft ones get smaller steps.
 
-    None is left out: of a group without its soft specimens nothing holds that is said of it.
+    No soft specimen is left out, because this would change the distribution of the group.
     """
     for halvings in range(20):
         pressure = PRESSURE / 2**halvings
@@ -107,7 +109,7 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             at = ph.Conditions(pressure, tube=ph.Tube(**TUBE))
             found = ph.radius_at_pressure(tree_of(material[:, None]), at, energy=LAW)
             radius = found["radius"].values.ravel()
-        except ValueError:  # it bears none of them
+        except ValueError:  # the specimen bears none of these pressures
             radius = np.full(len(pressure), np.nan)
         if np.isfinite(radius).sum() >= FEWEST:
             return radius, pressure
@@ -117,7 +119,7 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def specimens(
     rng: np.random.Generator, location: np.ndarray, root: np.ndarray, name: str
 ) -> xr.Dataset:
-    """A group, measured with errors."""
+    """Return the specimens of a group, measured with errors."""
     x = location[:, None] + root @ rng.standard_normal((2, args.specimens))
     errors = NOISE * rng.standard_normal((args.specimens, len(PRESSURE)))
     rows = []
@@ -162,7 +164,7 @@ def study(number: int) -> dict[str, float]:
 
 
 def report(table: pd.DataFrame) -> None:
-    # A typical specimen so soft that it bears no such pressure has no compliance there.
+    # A typical specimen that does not bear this pressure has no compliance there.
     table = table.dropna(subset="truth")
     inside = table["truth"].between(table["low"], table["high"])
     print("\nShare of 95 % intervals that hold the truth, by distance in spreads")
@@ -174,7 +176,7 @@ def report(table: pd.DataFrame) -> None:
     if args.spreads == "prior":
         typical = np.exp(SCALE.spread_prior[0]).mean()
         print(inside.groupby(table["spread"] > typical).agg(["size", "sum"]).to_string())
-        return  # these groups all differ, by their spreads
+        return  # all these groups differ, by their spreads
     chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
     bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
     differ = table["distance"] > 0

@@ -30,7 +30,7 @@ options.add_argument("--kills", type=int, default=20, help="of each job (%(defau
 options.add_argument("--seed", type=int, default=1, help="of the moments (%(default)s)")
 args = options.parse_args()
 
-# Seconds by which a child waits at each step of a write.
+# Delay (s) of the child process at each step of a write.
 LATENCY = 0.2
 OLD_PAGE = "the old page"
 RESULT = xr.Dataset({"number": ("x", np.arange(50_000.0))})
@@ -44,7 +44,7 @@ def create(folder: Path) -> None:
 
 
 def write_manifest(folder: Path) -> None:
-    """Make a store whose manifest is long."""
+    """Make a store with a long manifest."""
     Parts(folder / "store", {"settings": list(range(100_000))})
 
 
@@ -123,7 +123,7 @@ def prepared() -> Path:
 
 
 def main() -> int:
-    """Kill each job, and count."""
+    """Kill each job repeatedly, and count the differences."""
     rng, failed = np.random.default_rng(args.seed), 0
     print(f"{'job':16}{'killed':>8}{'ended before':>14}{'unfinished files':>18}{'different':>11}")
     for job, read in (

@@ -1,11 +1,12 @@
-"""How often a right model is called doubtful, and which mistakes are found.
+"""Count how often a right model is called doubtful, and which mistakes are found.
 
 python misfits.py --out misfits.csv
 
 Right models: parameters are drawn from the prior, curves are simulated with the stated noise and
 fitted by the same model. Mistakes: forty studies of ten kinds, whose data or settings are wrong in
 one way. Each row of the table holds the verdict of ``diagnose_evidence`` and the checks that were
-not good. Rows that the file holds already are not computed again.
+not good. An interrupted run continues: rows that are in the file are not computed
+again.
 """
 
 import argparse
@@ -23,27 +24,27 @@ import xarray as xr
 import pymc_hyperelastic as ph
 
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}  # mm, a sheep's aorta
-STRETCHES = (1.2, 1.4, 1.6)  # axial, of the three tests of a specimen
-POINTS = 15  # of a test
-HIGHEST = 20.0  # kPa, where a test ends
-WIDEST = 1.8  # radius, relative to the unloaded one, where a test of a soft tube ends
+STRETCHES = (1.2, 1.4, 1.6)  # axial stretches of the three tests of a specimen
+POINTS = 15  # number of points in a test
+HIGHEST = 20.0  # kPa, pressure at which a test ends
+WIDEST = 1.8  # ratio to the unloaded radius at which a test of a soft tube ends
 PRESSURE_SD = 0.3  # kPa, about 2 mmHg
 FORCE_SD = 10.0  # mN
-OFFSET_SD = 100.0  # mN, of the zero of the force transducer
+OFFSET_SD = 100.0  # mN, standard deviation of the zero of the force transducer
 RADIUS_SD = 0.02  # mm
-# Laws with the names of the parameters, a typical tube of each, and factors by which tubes differ.
+# Laws, each with the parameters of a typical tube.
 LAWS: dict[str, tuple[ph.StrainEnergy, dict[str, float]]] = {
     "Ogden": (ph.Ogden(), {"mu": 20.0, "alpha": 6.0}),
     "Demiray": (ph.Demiray(), {"mu": 30.0, "b": 1.0}),
     "PowerLawNeoHookean": (ph.PowerLawNeoHookean(), {"mu": 25.0, "n": 2.0}),
     "HGO": (ph.HolzapfelGasserOgden(), {"c": 20.0, "k1": 10.0, "k2": 1.0, "beta": 40.0}),
 }
-FACTORS = (0.8, 1.0, 1.15, 1.3)  # of the first parameter, in the four studies of a kind
+FACTORS = (0.8, 1.0, 1.15, 1.3)  # factors of the first parameter, for the four studies of a kind
 SETTINGS = {"draws": 500, "chains": 2, "progressbar": False}
 
 
 class Outcome(NamedTuple):
-    """What a study is, and what was said of it."""
+    """A study, and the verdict on its fit."""
 
     kind: str
     number: int
@@ -56,7 +57,7 @@ class Outcome(NamedTuple):
 def curves(
     law: str, values: dict[str, float], rng: np.random.Generator, specimen: str = "S", **tube: Any
 ) -> pd.DataFrame:
-    """Tests of a specimen at each axial stretch, without errors of radius, with those of others."""
+    """Return the tests of a specimen at each axial stretch, with errors of pressure and force."""
     energy, tests = LAWS[law][0], []
     for number, stretch in enumerate(STRETCHES, start=1):
         known = ph.Tube(**{**TUBE, "axial_stretch": stretch, **tube})
@@ -85,7 +86,7 @@ def data_of(frame: pd.DataFrame, **tube: float) -> xr.Dataset:
 
 
 def from_prior(law: str, rng: np.random.Generator, **settings: Any) -> tuple[dict, pd.DataFrame]:
-    """Parameters of the default prior with curves that can be measured, and these."""
+    """Return parameters drawn from the default prior, and their curves, if they can be measured."""
     energy = LAWS[law][0]
     while True:
         values = {p.name: rng.uniform(*p.prior_range) for p in energy.parameters}

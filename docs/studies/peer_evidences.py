@@ -1,10 +1,9 @@
-"""Evidences of the general models of tests/evidence, by this package and by other libraries.
+"""Compare evidences of the models in tests/evidence from this package and from other libraries.
 
 ``python peer_evidences.py results/peer_evidences.jsonl`` runs every installed sampler on every
-problem, writes a line of JSON for each new run, and writes the results of all runs as
-the table of their documentation page. Time is that of a user who has the model: compilation counts,
-imports do not. With ``--difficult`` it runs this package on the difficult models, and writes a
-table with a row for each kind of them.
+problem, writes a line of JSON for each new run, and writes the results of all runs as the table of
+the documentation page. The time includes compilation, but not imports. With ``--difficult`` the
+program runs this package on the difficult models, and writes a table with a row for each kind.
 """
 
 import argparse
@@ -36,16 +35,16 @@ from difficult_evidences import DIFFICULT  # noqa: E402
 from evidences import PROBLEMS  # noqa: E402
 
 ALL_DIFFICULT = {name: p for problems in DIFFICULT.values() for name, p in problems.items()}
-# Nats within which a run counts as right, and beyond which it counts as wrong if its error is also
-# larger than so many of the errors that it states.
+# A run is right if its error is below RIGHT (nats). It is wrong if its error is above WRONG (nats)
+# and above STANDARD_ERRORS times the stated error.
 RIGHT, WRONG, STANDARD_ERRORS = 0.1, 0.3, 4
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A sampler: it takes a model and a seed, and gives a log evidence with its standard error.
+    """A sampler: it takes a model and a seed, and returns a log evidence and its standard error.
 
-    A third value, if there is one, is the sampler's own verdict on its accuracy.
+    The optional third value is the sampler's own verdict on its accuracy.
     """
 
     title: str
@@ -60,7 +59,7 @@ def package(model, seed):
 
 
 def pymc(model, seed):
-    """PyMC states no error: it is that of a mean of chains, from their spread."""
+    """PyMC states no error: use the standard error of the mean over the chains."""
     tree = pm.sample_smc(model=model, chains=4, cores=1, random_seed=seed, progressbar=False)
     stages = tree["sample_stats"]["log_marginal_likelihood"].values
     chains = np.array([np.asarray(chain, float)[-1] for chain in stages])
@@ -71,25 +70,26 @@ def pymc(model, seed):
 def on_cube(model):
     """Return the log likelihood as a function of independent uniform variables, and their number.
 
-    The prior becomes a map of the unit cube: each variable, in the order of the model, is its
-    inverse distribution function given its parents. Other distributions raise an error.
+    The prior becomes a map from the unit cube: each variable, in the order of the model, is the
+    inverse distribution function given its parents. Distributions without an inverse raise an
+    error.
     """
     natural = remove_value_transforms(model)
     u, used, values = pt.vector("u"), 0, {}
     for rv in natural.free_RVs:
         value, size = from_uniform(rv, u[used:])
-        # Parents come first: their values are known.
+        # Parents come first, so their values are known.
         values[rv] = clone_replace(value, values)
         used += size
     logp = natural.logp([*natural.observed_RVs, *natural.potentials])
     at = {natural.rvs_to_values[rv]: value for rv, value in values.items()}
-    # Values have known shapes, which parts of a vector have not.
+    # Values have known shapes, but slices of a vector do not.
     logp = clone_replace(logp, {v: v.type.filter_variable(value) for v, value in at.items()})
     return pytensor.function([u], logp, trust_input=True), used
 
 
 def from_uniform(rv, u):
-    """Value of a variable at the beginning of a vector of uniform ones, and how many it takes."""
+    """Return a variable as a function of uniform variables, and the number of them that it uses."""
     parameters, shape = rv.owner.op.dist_params(rv.owner), tuple(rv.shape.eval())
     size = int(np.prod(shape))
     match type(rv.owner.op).__name__:
@@ -110,7 +110,7 @@ def from_uniform(rv, u):
 
 
 def dynesty(model, seed):
-    """Static sampling of the unit cube; the likelihood takes one point, as PyTensor compiles it."""
+    """Static nested sampling of the unit cube, with the compiled likelihood of single points."""
     import dynesty
 
     logp, unknowns = on_cube(model)
@@ -143,10 +143,10 @@ def nested_slices(model, seed):
     sampler = blackjax.nss(
         jaxified(model.free_RVs),
         jaxified([*model.observed_RVs, *model.potentials]),
-        num_inner_steps=max(5, 2 * target.dimension),  # as blackjax advises
+        num_inner_steps=max(5, 2 * target.dimension),  # recommended by blackjax
         num_delete=50,
     )
-    # Live points, as many as dynesty has.
+    # The same number of live points as in dynesty.
     drawn = target.by_name(target.draw_prior(500, np.random.default_rng(seed)))
     state = sampler.init(jax.tree.map(jax.numpy.asarray, drawn))
     step, key, dead = jax.jit(sampler.step), jax.random.key(seed), []
@@ -159,7 +159,7 @@ def nested_slices(model, seed):
 
 
 def pocomc(model, seed):
-    """Persistent sampling behind a normalising flow, on the unconstrained scale."""
+    """Persistent sampling with a normalising flow, on the unconstrained scale."""
     import pocomc
 
     target, rng = Target(model), np.random.default_rng(seed)
@@ -186,7 +186,7 @@ PEERS = {
 
 
 def measure(problem, name, seed):
-    """One run: its error, the error that it states, and its time."""
+    """Return the error of one run, its stated error, and its time."""
     importlib.import_module(name)
     problem = (PROBLEMS | ALL_DIFFICULT)[problem]
     model, start = problem.model(), time.perf_counter()
@@ -196,7 +196,7 @@ def measure(problem, name, seed):
 
 
 def measure_apart(problem, name, seed, limit):
-    """Measure in a process of its own, which may fail and ends after `limit` seconds."""
+    """Measure in a separate process, which may fail and is stopped after `limit` seconds."""
     row = {"problem": problem, "peer": name, "seed": seed}
     with multiprocessing.get_context("fork").Pool(1) as pool:
         try:
@@ -208,7 +208,7 @@ def measure_apart(problem, name, seed, limit):
 
 
 def table_of(rows, problems):
-    """Markdown of all rows: the package's own errors first, and how right those are."""
+    """Return a Markdown table of all runs: first this package with its calibration, then others."""
     peers, lines = list(PEERS), []
     header = ["model", "unknowns", PEERS[peers[0]].title, "error/stated", "flagged"]
     for p in problems:
@@ -221,11 +221,11 @@ def table_of(rows, problems):
 
 
 def table_of_kinds(rows):
-    """Markdown of this package's runs on the difficult models: how right each kind of them is."""
+    """Return a Markdown table of this package's runs: a row for each kind of difficult model."""
     lines = []
     for kind, problems in DIFFICULT.items():
         runs = [r for r in rows if r["problem"] in problems and "error" in r]
-        # Of an infinite stated error nothing is expected.
+        # An infinite stated error is never wrong.
         off = np.array([[abs(r["error"]), r["stated"]] for r in runs]).reshape(-1, 2).T
         good = np.array([r["note"] == "good" for r in runs], bool)
         right = off[0] < RIGHT
@@ -239,13 +239,13 @@ def table_of_kinds(rows):
 
 
 def markdown(header, lines):
-    """Table whose columns are numbers, all but the first."""
+    """Return a Markdown table; all columns except the first are numbers."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *lines]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def cell(runs):
-    """Mean error ± root mean square of the stated one, and mean time; or what went wrong."""
+    """Return mean error ± root mean square of the stated errors, and mean time; or the failure."""
     done = np.array([[r["error"], r["stated"], r["seconds"]] for r in runs if "error" in r])
     if len(done):
         (error, _, seconds), stated = done.mean(axis=0), np.sqrt((done[:, 1] ** 2).mean())
@@ -256,12 +256,12 @@ def cell(runs):
 
 
 def rounded(nats, sign=""):
-    """Thousandths of a nat where that matters."""
+    """Return a number with three decimals below 1 nat, and one decimal above."""
     return f"{nats:{sign}.3f}" if abs(nats) < 1 else f"{nats:{sign}.1f}"
 
 
 def honesty(runs):
-    """Root mean square of error over stated error, and how many runs were not called good."""
+    """Return the root mean square of error / stated error, and the number of flagged runs."""
     ratios = [r["error"] / r["stated"] for r in runs if "error" in r]
     if not ratios:
         return "", ""
@@ -277,7 +277,7 @@ if __name__ == "__main__":
     options.add_argument("--problems", nargs="+", choices=[*PROBLEMS, *ALL_DIFFICULT])
     options.add_argument("--peers", nargs="+", choices=PEERS, default=installed)
     options.add_argument("--limit", type=int, default=400, help="seconds of a run, at most")
-    # Not Markdown by its name: Sphinx would make a page of it beside the one that includes it.
+    # The file name does not end with .md: otherwise Sphinx would also make a page of the table.
     options.add_argument("--out", type=Path, help="file of the table; that of the documentation")
     given = options.parse_args()
     file = given.results.open("a+", encoding="utf-8", buffering=1)

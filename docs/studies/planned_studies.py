@@ -1,11 +1,11 @@
-"""Whether studies find what plan_study says that they would.
+"""Compare the results that plan_study predicts with the results of simulated studies.
 
 python planned_studies.py --studies 100 --out results/planned_studies.csv
 
-A pilot of two groups of Ogden's law, five specimens each, is fitted. Studies are then simulated
-whose truths are draws of it, specimen by specimen and curve by curve; each is fitted, and compared
-by ``compare_classes``. Beside what they find stands what was planned. What has been simulated is
-kept: a run that was interrupted goes on.
+A pilot of two groups of Ogden's law, five specimens each, is fitted. Studies are then simulated,
+specimen by specimen and curve by curve, with true distributions drawn from the posterior of the
+pilot. Each study is fitted and compared by ``compare_classes``. The table shows planned and
+observed results. Finished studies are stored, and an interrupted run continues.
 """
 
 import argparse
@@ -40,12 +40,12 @@ SETTINGS = {"likelihood": NOISE, "variability": "specimen", "chains": 1, "progre
 
 
 def specimens(rng: np.random.Generator, x: np.ndarray, name: str) -> xr.Dataset:
-    """A group of these coordinates (coordinate, specimen), measured with errors."""
+    """Return a group of specimens with coordinates (coordinate, specimen), measured with errors."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
     at = ph.Conditions(PRESSURE, tube=ph.Tube(**TUBE))
     radius = ph.radius_at_pressure(tree, at, energy=LAW)["radius"].values[0]
-    # A wall that does not bear a pressure is not inflated so far.
+    # A wall is inflated only to the pressures that it bears.
     reached = np.isfinite(radius)
     frame = pd.DataFrame(
         {
@@ -111,7 +111,7 @@ def main() -> None:
     lines = []
     for (name, size), own in table.groupby(["quantity", "specimens"]):
         planned = plan.sel(quantity=name, specimens=size).squeeze("comparison")
-        # Errors of medians by the bootstrap.
+        # The error of the median is computed by the bootstrap.
         median = stats.bootstrap((own["width"].to_numpy(),), np.median, rng=rng)
         lines.append(
             {

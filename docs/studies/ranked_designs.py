@@ -1,10 +1,10 @@
-"""Whether the test that is expected to tell most classifies new specimens best.
+"""Check that the test with the largest expected information classifies new specimens best.
 
 python ranked_designs.py --new 200 --out results/ranked_designs.csv
 
-Two groups of Ogden's law, eight specimens each, are learned from one inflation. Designs are ranked
-by ``expected_information``. New specimens are then tested in every design, and classified; by how
-much the log score of one is better than that of another is held to what was expected.
+Two classes of Ogden's law are fitted to eight specimens each, inflated once. Designs are ranked by
+``expected_information``. New specimens are then tested in every design and classified. The table
+compares the expected and observed differences of the log scores.
 """
 
 import argparse
@@ -41,13 +41,13 @@ rng = np.random.default_rng(args.seed)
 
 
 def specimens(count: int, name: str, design: dict) -> tuple[dict[str, xr.Dataset], np.ndarray]:
-    """Specimens of a group, in one design."""
+    """Return specimens of a group, tested in one design, and their coordinates."""
     x = PLACES[name][:, None] + ROOT @ rng.standard_normal((2, count))
     return tested(x, name, design), x
 
 
 def tested(x: np.ndarray, prefix: str, design: dict) -> xr.Dataset:
-    """Materials (coordinate, specimen), measured with errors in a design."""
+    """Return materials (coordinate, specimen), tested in a design with errors."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
     ends = np.atleast_1d(design["pressure"])
@@ -73,8 +73,8 @@ def main() -> None:
     classes = ph.fit_classes(
         LAW, groups, NOISE, variability="specimen", draws=2000, chains=2, **settings
     )
-    told = ph.expected_information(classes, DESIGNS, specimens=400, random_seed=args.seed)
-    first = told["design"].values[0]
+    planned = ph.expected_information(classes, DESIGNS, specimens=400, random_seed=args.seed)
+    first = planned["design"].values[0]
     new = {name: specimens(args.new // 2, name, DESIGNS["many, all"])[1] for name in PLACES}
     scores = {}
     for design, test in DESIGNS.items():
@@ -87,7 +87,7 @@ def main() -> None:
         scores[design] = np.concatenate(of_design)
     rows = []
     for design, values in scores.items():
-        expected = told.sel(design=design)
+        expected = planned.sel(design=design)
         less = values - scores[first]
         rows.append(
             {

@@ -1,20 +1,20 @@
-"""Which strange specimens are seen to be strange, and how many ordinary ones are turned away.
+"""Count how often unusual specimens get "none of these", and how often ordinary ones do.
 
-``python strange_curves.py --out strange_curves.json`` simulates two classes of eight specimens, two
-experiments each, the second class 2.2 times as stiff as the first, and fits them with variability.
-Then it asks `classify`, with ``none_below=0.05``, of fresh members of the first class: of ordinary
-ones, and of strange ones, whose walls, curves or numbers are not what they should be. A stranger is
-found if the decision is no class: "none of these" or "cannot be judged". Numbers that no soft tube
-has are doubted before, when the table is read; that is counted apart, and such specimens are
-classified all the same. It prints a table by law, noise and experiment effect, and one by kind;
-what stands in the file already is not run again.
+``python strange_curves.py --out strange_curves.json`` simulates two classes of eight specimens with
+two experiments each. The second class is 2.2 times as stiff as the first. The classes are fitted
+with variability. `classify`, with ``none_below=0.05``, is then applied to ordinary new members of
+the first class, and to unusual specimens with wrong walls, curves or numbers. An unusual specimen
+is found if the decision is "none of these" or "cannot be judged". Implausible numbers already cause
+a warning when the table is read; such warnings are counted separately, and the specimens are
+classified too. The program prints a table by law, noise and experiment effect, and a table by kind.
+Runs that are in the file are not repeated.
 
-Beside it stands what can be seen at best without priors: the parameters of least squares of a new
-specimen are held against those of the eight by Hotelling's test, which is exact for normal ones,
-and the misfit against the noise, by who knows it.
+For comparison, each specimen is also tested without priors: Hotelling's test compares its
+least-squares parameters with those of the eight specimens of a class, which is exact for normal
+parameters, and a chi-square test compares its misfit with the known noise.
 
-All is SIMULATED, of the law that is fitted, with errors that are independent and normal: what is
-missed here is not missed for a law that does not fit.
+All data are SIMULATED with the fitted law, and with independent normal errors. Failures therefore
+do not come from a law that does not fit.
 """
 
 import argparse
@@ -36,23 +36,24 @@ from scipy.optimize import least_squares
 
 import pymc_hyperelastic as ph
 
-# Each with the medians of the first class's parameters: a modulus, kPa, and an exponent.
+# Laws, with the median parameters of the first class: a modulus (kPa) and an exponent.
 LAWS = {
     "Ogden": (ph.Ogden(), {"mu": 30.0, "alpha": 6.5}),
     "Demiray": (ph.Demiray(), {"mu": 60.0, "b": 1.2}),
 }
 STIFFER = 2.2
-# Standard deviations of the logarithms of both, between specimens and between experiments on one.
+# Standard deviations of the log parameters: between specimens, and between experiments on one
+# specimen.
 SPREAD, BETWEEN = np.array([0.25, 0.15]), np.array([0.08, 0.05])
 SPECIMENS, EXPERIMENTS, ORDINARY = 8, 2, 40
 
 TUBE = ph.Tube(inner_radius=7.0, outer_radius=9.0)  # mm, a sheep's aorta
 NOISE = 3 * ph.mmHg  # standard deviation of a pressure, kPa
-# A test begins a little above the radius without load, at a low pressure, and ends at a high one or
-# where the tube is wide.
+# A test begins a little above the unloaded radius, at a low pressure. It ends at a high pressure or
+# a large radius.
 POINTS, FIRST, LOWEST = 15, (1.006, 1.02), 1.0
 HIGHEST, WIDEST = (165 * ph.mmHg, 8 * ph.mmHg), 12.0
-# Logarithms of parameters between which least squares look.
+# Bounds of the log parameters in least squares.
 REACH = ([-8.0, -4.0], [9.0, 5.0])
 GRID = np.linspace(5.0, WIDEST, 2000)
 
@@ -89,13 +90,13 @@ class Kind(NamedTuple):
     """How a specimen differs from a member of the first class."""
 
     factors: tuple[float, float] = (1.0, 1.0)
-    """Of its modulus and of its exponent."""
+    """Factors of the modulus and of the exponent."""
     axial_stretch: float = 1.0
-    """At which it is held, while 1 is stated."""
+    """The true axial stretch; the data state 1."""
     change: Change = as_measured
-    """What becomes of radii and pressures."""
+    """Function that changes radii and pressures."""
     changed: tuple[int, ...] = (1, 2)
-    """Experiments of which something becomes."""
+    """Numbers of the experiments that are changed."""
 
 
 KINDS = (
@@ -117,17 +118,17 @@ KINDS = (
 
 
 class Study(NamedTuple):
-    """Where specimens come from."""
+    """The source of simulated specimens."""
 
     law: str
     effect: bool
-    """Whether experiments on a specimen differ."""
+    """True if experiments on a specimen differ."""
     pressure: Callable[..., np.ndarray]
     rng: np.random.Generator
 
 
 def study_of(law, effect, rng):
-    """A study whose pressures, kPa, are a function of radius, parameters and axial stretch."""
+    """Return a study; pressures (kPa) are a function of radius, parameters and axial stretch."""
     energy, medians = LAWS[law]
     radius, stretch = pt.vector("radius"), pt.scalar("axial_stretch")
     parameters = {name: pt.scalar(name) for name in medians}
@@ -138,9 +139,9 @@ def study_of(law, effect, rng):
 
 
 def inflate(study, parameters, kind, experiment):
-    """Radii and pressures of one experiment."""
+    """Return the radii and pressures of one experiment."""
     rng, curve = study.rng, study.pressure(GRID, *parameters, kind.axial_stretch)
-    # Curves rise; where one does not reach a pressure, its last radius is taken.
+    # Curves rise. If a curve does not reach a pressure, take its last radius.
     unloaded, low, last = np.interp([0.0, LOWEST, rng.normal(*HIGHEST)], curve, GRID)
     radius = np.linspace(min(unloaded * rng.uniform(*FIRST), low), last, POINTS)
     pressure = study.pressure(radius, *parameters, kind.axial_stretch)
@@ -149,7 +150,7 @@ def inflate(study, parameters, kind, experiment):
 
 
 def specimen(study, name, kind, stiffness=1.0):
-    """Table of the experiments on a new specimen."""
+    """Return a table of the experiments on a new specimen."""
     _, medians = LAWS[study.law]
     middle = np.log([*medians.values()]) + np.log(kind.factors) + np.log([stiffness, 1.0])
     own = middle + SPREAD * study.rng.standard_normal(2)
@@ -163,7 +164,7 @@ def specimen(study, name, kind, stiffness=1.0):
 
 
 def training_of(study):
-    """Tables of the specimens of both classes."""
+    """Return tables of the training specimens of both classes."""
     return {
         name: [specimen(study, f"{name}{i}", Kind(), x) for i in range(SPECIMENS)]
         for name, x in (("first", 1.0), ("second", STIFFER))
@@ -171,7 +172,7 @@ def training_of(study):
 
 
 def fit(study, training, noise, seed):
-    """Both classes."""
+    """Fit both classes."""
     training = {
         name: ph.inflation_data(pd.concat(tables), TUBE) for name, tables in training.items()
     }
@@ -187,7 +188,7 @@ def fit(study, training, noise, seed):
 
 
 def ask(table, classes, seed):
-    """What is said of a specimen: by who reads the table, and by who classifies it."""
+    """Return the warnings when the table of a specimen is read, and its classification."""
     said = {"doubted": "", "decision": "refused"}
     try:
         ph.inflation_data(table, TUBE, check="raise")
@@ -213,7 +214,7 @@ def ask(table, classes, seed):
 
 
 def best_fit(study, tables):
-    """Logarithms of the parameters of least squares, and the chance of a worse misfit."""
+    """Return the least-squares log parameters, and the probability of a larger misfit."""
     _, medians = LAWS[study.law]
     start = np.log([*medians.values()])
 
@@ -221,7 +222,7 @@ def best_fit(study, tables):
         curves = [study.pressure(table["radius"].values, *np.exp(x), 1.0) for table in tables]
         return (np.concatenate(curves) - pd.concat(tables)["pressure"].values) / NOISE
 
-    # From several places: soft and stiff, and nearly straight.
+    # Several starting points: soft, stiff, and nearly straight.
     starts = (start + np.array(step) for step in ([0, 0], [2, 0], [-2, 0], [0, -1]))
     fits = [least_squares(misfit, x, bounds=REACH) for x in starts]
     best = min(fits, key=lambda fit: fit.cost)
@@ -229,7 +230,7 @@ def best_fit(study, tables):
 
 
 def coordinates(study, table):
-    """The same of a specimen: of all its curves, or the mean of its tests where these differ."""
+    """Fit all tests of a specimen, or average over its tests if experiments differ."""
     tests = [part for _, part in table.groupby("experiment")]
     fits = [best_fit(study, [test]) for test in tests] if study.effect else [best_fit(study, tests)]
     points, p_values = zip(*fits, strict=True)
@@ -237,7 +238,7 @@ def coordinates(study, table):
 
 
 def hotelling(point, others):
-    """P-value of Hotelling's test that a point is of the normal distribution of some others."""
+    """Return the p-value of Hotelling's test of a point against a normal sample."""
     count, size = others.shape
     away = point - others.mean(axis=0)
     distance = away @ np.linalg.solve(np.cov(others.T), away)
@@ -246,7 +247,7 @@ def hotelling(point, others):
 
 
 def without_bayes(study, members, table):
-    """P-value under each class by least squares, for who knows the noise."""
+    """Return the p-value under each class by least squares with known noise."""
     point, p_fit = coordinates(study, table)
     return [float(either(hotelling(point, others), p_fit)) for others in members]
 
@@ -256,7 +257,7 @@ def either(*p_values):
 
 
 def run(law, noise, effect, each, seed):
-    """All that is said of strange specimens, `each` of a kind, and of ordinary ones."""
+    """Classify `each` unusual specimens of every kind, and the ordinary specimens."""
     study = study_of(law, effect, np.random.default_rng(seed))
     training = training_of(study)
     classes = fit(study, training, noise, seed)
@@ -272,12 +273,12 @@ def run(law, noise, effect, each, seed):
 
 
 def found(said):
-    """Whether the decision is no class."""
+    """Return True if the decision is not a class."""
     return said["decision"] not in ("first", "second")
 
 
 def found_without_bayes(said):
-    """Whether least squares tell a stranger from both classes."""
+    """Return True if least squares reject both classes."""
     return max(said["without_bayes"]) < NONE_BELOW
 
 
@@ -286,7 +287,7 @@ def share(some, is_so):
 
 
 def by_setting(runs):
-    """What was said of all specimens under each setting that was run, by its name."""
+    """Return the answers for all specimens, by the name of the setting."""
     asked = {}
     for law, noise, effect in SETTINGS:
         name = f"{law}, {noise}, {'yes' if effect else 'no'}"
@@ -307,7 +308,7 @@ def markdown(head, *lines):
 
 
 def table_of_settings(runs):
-    """What was found, by law, noise and effect."""
+    """Return a table of the detected specimens by law, noise and experiment effect."""
     lines = []
     for name, asked in by_setting(runs).items():
         own = of_kind(asked, "ordinary")
@@ -322,7 +323,7 @@ def table_of_settings(runs):
 
 
 def table_of_kinds(runs):
-    """How many of each kind were found, and how many without Bayes, by setting."""
+    """Return a table of the detected specimens of each kind, by setting."""
     settings = by_setting(runs)
     lines = []
     for kind in KINDS:

@@ -76,7 +76,8 @@ def classify(
     classes : xarray.DataTree
         Result of :func:`fit_classes`, or one read from a file.
     by : {"test", "specimen"}
-        Whether each experiment is classified separately, or all experiments on a specimen jointly.
+        "test" classifies each experiment by itself, "specimen" all experiments on a specimen
+        jointly.
     class_prior : dict of str to float, optional
         Prior probability of each class; by default all are equal. It is required if a class of the
         result could not be fitted, to confirm that only the other classes are possible.

@@ -46,8 +46,7 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
     classes : xarray.DataTree
         Fitted classes.
     whole : bool
-        Whether draws and data are checked too; a caller that reads only evidences does not need
-        them.
+        If True, check draws and data too. A caller that reads only evidences does not need them.
 
     Raises
     ------

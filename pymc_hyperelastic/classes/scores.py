@@ -77,8 +77,8 @@ def score_probabilities(
     Notes
     -----
     Intervals and standard errors assume independent units. Experiments on one specimen are not
-    independent: classify by specimen, since intervals would otherwise be too narrow. Of equally
-    probable classes, the first one is the most probable class.
+    independent: classify by specimen, since intervals would otherwise be too narrow. If classes are
+    equally probable, the first one counts as the most probable class.
 
     The expected calibration error is biased upwards: with few units in a bin it is large even for
     calibrated probabilities.

@@ -18,7 +18,7 @@ def classes_of(folder: Path) -> list[xr.DataTree]:
     Raises
     ------
     FileNotFoundError
-        If there are none.
+        If the folder has no fitted classes.
     """
     paths = sorted(folder.glob(f"{CLASSES}-*.nc"))
     if not paths:

@@ -55,7 +55,7 @@ def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[st
     Parameters
     ----------
     rows : Rows
-        Whose tests these are, for messages.
+        Rows of the tests, for messages.
     tube : Tube
         The tube, as the user states it.
     numbers : dict

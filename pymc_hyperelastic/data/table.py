@@ -50,12 +50,12 @@ def inflation_data(
     Parameters
     ----------
     frame : pandas.DataFrame
-        One row a point, with the columns ``specimen``, ``experiment``, what was `measured`,
-        ``pressure`` and optionally ``axial_force`` (reduced axial force; missing where it was not
-        measured), ``group``, ``cycle`` and ``phase`` (such as loading and unloading); others are
-        ignored. A specimen and an experiment, and where they are there a cycle and a phase,
-        together name one test. Its rows stand in the order of inflation or deflation, or of
-        axial extension.
+        One row for each point, with the columns ``specimen``, ``experiment``, ``pressure``, the
+        column that `measured` names, and optionally ``axial_force`` (reduced axial force; missing
+        where it was not measured), ``group``, ``cycle`` and ``phase`` (such as loading and
+        unloading); other columns are ignored. A specimen and an experiment, with a cycle and a
+        phase if the table has them, name one test. The rows of a test stand in the order of
+        inflation or deflation, or of axial extension.
     tube : Tube
         Reference tube and axial stretch, see :class:`~pymc_hyperelastic.Tube`. Each measure is a
         number, or the name of a column that is constant within each test; ``nan`` says that it is
@@ -73,41 +73,41 @@ def inflation_data(
         angle that is given. The Dataset holds them as ``thickness_sd`` and so on;
         :class:`~pymc_hyperelastic.MeasuredValue` uses them in a model.
     measured : {"radius", "outer_diameter"}
-        What was measured against pressure, and has a column of that name: the current internal
-        radius, or the current outer diameter, to which the internal radius belongs by
-        incompressibility. Slopes are taken by what was measured.
+        The quantity that was measured with the pressure, and the name of its column: the current
+        internal radius, or the current outer diameter, from which the internal radius follows by
+        incompressibility. Slopes are derivatives with respect to the radius, or half the diameter.
     radius_unit, pressure_unit, angle_unit, force_unit : str
-        Units of what is given, as pint knows them, such as ``"um"``, ``"mmHg"``, ``"deg"``. That of
-        the radius is that of the diameter, too.
+        Units of the table, as pint knows them, such as ``"um"``, ``"mmHg"``, ``"deg"``. A diameter
+        has the unit of the radius.
     cycles : {"last", "all"}
-        Which cycles of an experiment to take where there is a column ``cycle``: by default the last
-        one, that of the highest number, since those before it precondition the tissue.
+        The cycles of an experiment to use, if the table has a column ``cycle``. By default the last
+        cycle, with the highest number, since the earlier cycles precondition the tissue.
     check : {"warn", "raise", "ignore"}
-        What to do about input that is possible, but probably not what was meant, see Warns.
+        The reaction to input that is possible, but probably a mistake, see Warns.
 
     Returns
     -------
     xarray.Dataset
-        Dimension ``obs`` with ``radius`` (internal, mm; NaN where it depends on what is not
-        known), ``pressure`` (kPa), ``outer_diameter`` (mm) and ``axial_force`` (mN) if measured,
+        Dimension ``obs`` with ``radius`` (internal, mm; NaN where it depends on an unknown
+        measure), ``pressure`` (kPa), ``outer_diameter`` (mm) and ``axial_force`` (mN) if measured,
         and the coordinates ``test`` and ``row`` (the frame's index label); the points of a test
-        stand together, in the frame's order. Dimension ``test``, in order of first appearance,
-        with ``inner_radius``, ``outer_radius`` (of the opened sector, mm), ``axial_stretch``,
+        stand together, in the frame's order. Dimension ``test``, in order of first appearance, with
+        ``inner_radius``, ``outer_radius`` (of the opened sector, mm), ``axial_stretch``,
         ``opening_angle`` (whole, rad), NaN where unknown, and the coordinates ``specimen``,
         ``experiment``, ``group`` (``"all"`` without such a column) and, if the table has them,
-        ``cycle`` and ``phase``. Where some test is an extension test, ``axial_stretch`` lies on
+        ``cycle`` and ``phase``. If a test is an extension test, ``axial_stretch`` has the dimension
         ``obs``, for all tests.
 
     Warns
     -----
     UserWarning
-        If the rows of a test were shuffled; they are sorted by what was measured, along which the
-        pressure then rises, or by the axial stretch that varies. If a stretch varies by less than a
-        hundredth, or in a few rows only. If a number is taken for the axial stretch or the opening
-        angle, and a column of that name says something else. If a pressure, a length, a stretch, an
-        angle or a force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant;
-        the ranges are on the page What a file may look like. `check` makes it an error, or silences
-        it.
+        If the rows of a test were shuffled; they are sorted by the measured quantity, along which
+        the pressure then rises, or by the axial stretch that varies. If a stretch varies by less
+        than a hundredth, or in a few rows only. If a number is taken for the axial stretch or the
+        opening angle, and a column of that name says something else. If a pressure, a length, a
+        stretch, an angle or a force is beyond what soft tubes have, such as 120 kPa where 120 mmHg
+        was meant; the ranges are on the page What a file may look like. `check` makes it an error,
+        or silences it.
 
     Raises
     ------

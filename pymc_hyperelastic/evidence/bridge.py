@@ -112,7 +112,7 @@ def bridge_sampling(
     Notes
     -----
     **A mode, or a tail, that no chain has met is missing**, and the standard error does not know
-    it. Chains that start far apart, or :func:`sample_smc`, tell whether there are several modes.
+    it. Use chains that start far apart, or :func:`sample_smc`, to look for several modes.
 
     Each chain (of a single one, each half) is compared with a proposal that was fitted to the
     others [3]_. The standard error is that of [4]_, or the spread of these evidences if chance

@@ -64,8 +64,8 @@ def simulation_based_calibration(
     draws : int, default 500
         Particles of each fit, one chain of :func:`pymc_hyperelastic.sample_smc`.
     ranked_draws : int, default 99
-        ``L``, the number of particles, chosen at random, among which a true value is ranked. Of a
-        fifth of all particles hardly any stand at one place. Ties are broken at random.
+        ``L``, the number of particles, chosen at random, among which a true value is ranked. Among
+        a fifth of all particles, hardly any are equal. Ties are broken at random.
     var_names : sequence of str, optional
         Variables that are ranked, deterministics among them; all free variables when missing.
     simulator : pymc.Model, optional
@@ -85,7 +85,7 @@ def simulation_based_calibration(
     xarray.Dataset
         ``rank``, ``truth``, ``posterior_mean`` and ``posterior_sd``, each (simulation, parameter),
         and ``p_value`` (parameter). The coordinate ``parameter`` names each entry, as in ``mu`` or
-        ``k[0, 1]``, and ``variable`` the variable that it belongs to. Attributes tell the settings
+        ``k[0, 1]``, and ``variable`` the variable that it belongs to. Attributes hold the settings
         and the number of ``bins`` of the test.
 
     Raises

@@ -56,8 +56,8 @@ class BatchedSMC(SMC_KERNEL):
         Names of the observed variables and Potentials whose likelihood is tempered; all when
         missing. The others count as prior, from which `start` must then be drawn.
     from_modes : bool, optional
-        Whether particles start from a reference, or from the prior alone. When missing, from a
-        reference unless `start` or `tempered` are given, with which there cannot be one.
+        If True, particles start from a reference; if False, from the prior alone. By default they
+        start from a reference unless `start` or `tempered` are given, which exclude a reference.
     forget : float
         Particles move until the correlation of every variable with its value before is below this.
     max_moves : int

@@ -38,7 +38,7 @@ _LACKING = 5.0
 
 
 class Search(NamedTuple):
-    """A reference, and what is compared with the evidence of particles that start from it."""
+    """A reference, and variables to compare with the evidence of particles that start from it."""
 
     reference: Reference
     evidence: xr.Dataset

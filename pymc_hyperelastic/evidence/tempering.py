@@ -50,7 +50,7 @@ class TemperedSMC:
     Attributes
     ----------
     log_evidence : float
-        Of the stages so far.
+        Log evidence of the stages so far.
     pareto_k : float
         Shape of the largest weights of a reference's particles, as draws of the posterior.
     stages, capped : int

@@ -96,7 +96,7 @@ def run_in_batches(
     Parameters
     ----------
     work : UnitWork
-        What is computed of each unit.
+        The computation of each unit.
     manifest : mapping
         All that decides the numbers besides the data, see :class:`Parts`.
     data : xarray.Dataset
@@ -109,7 +109,7 @@ def run_in_batches(
     Returns
     -------
     Remarks
-        Messages about all units, also about those that the store had before, in their order.
+        Messages about all units in their order, also about the units that the store had before.
 
     Raises
     ------

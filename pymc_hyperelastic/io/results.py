@@ -31,7 +31,7 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     Parameters
     ----------
     result : xarray.DataTree or xarray.Dataset
-        What a function of this package returned, perhaps with more in it.
+        Result of a function of this package; it may have further variables.
     path : str or Path
         The file; its folder must be there.
 
@@ -42,8 +42,8 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
         not give back as it is; the message names it. Attributes that are True, a dict, a date or a
         path become a number or text.
     OSError
-        If it cannot be written: no such folder, no space left, no permission. What was there
-        before is left as it was.
+        If it cannot be written: no such folder, no space left, no permission. An
+        existing file remains unchanged.
 
     See Also
     --------

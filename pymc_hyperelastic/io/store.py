@@ -135,11 +135,11 @@ class Parts:
     Parameters
     ----------
     folder : str or Path
-        Where it is, or is to be.
+        Folder of the parts.
     manifest : mapping
-        All that decides the result, as JSON has it: what is computed, settings, the seed. A Dataset
-        or a DataTree becomes its checksum. The format of results and the versions of PyMC and
-        PyTensor are added.
+        All that decides the result, in types of JSON: the computation, settings, the seed. A
+        Dataset or a DataTree becomes its checksum. The format of results and the versions of PyMC
+        and PyTensor are added.
 
     Raises
     ------

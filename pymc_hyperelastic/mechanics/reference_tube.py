@@ -42,13 +42,13 @@ class Tube:
         Thickness (mm) of the unloaded wall, or area (mm²) of its cross-section, in place of one
         radius.
     convention : {"whole", "fung"}, optional
-        Which angle is given. ``"whole"`` is the angle that the opened sector lacks of a full circle
+        Meaning of the angle. ``"whole"`` is the angle that the opened sector lacks of a full circle
         [1]_. ``"fung"`` is half of that: the angle between the lines from the middle of the
         sector's inner side to its two ends [2]_. It is required with an opening angle of measured
         data; elsewhere ``"whole"`` is meant unless it is stated.
     radii_of : {"sector", "ring"}, optional
-        Whether the radii are those of the opened ``"sector"`` or of the closed ``"ring"`` before it
-        was cut. It is required with an opening angle of measured data; elsewhere ``"sector"`` is
+        Configuration of the radii: the opened ``"sector"``, or the closed ``"ring"`` before it was
+        cut. It is required with an opening angle of measured data; elsewhere ``"sector"`` is
         meant unless it is stated. A ring keeps its wall area, its middle line and so its thickness
         when it opens.
     sd : dict of str to float, optional
@@ -71,7 +71,7 @@ class Tube:
     Notes
     -----
     In :func:`inflation_data` each measure may be the name of a column of the table instead of a
-    number, and the units are those that the function is told. There ``nan`` means that a measure
+    number, and its unit is an argument of the function. There ``nan`` means that a measure
     is not known; a radius that is not stated is not known either. In :func:`inflation_pressure`
     each measure may be an array or a random variable, and a wall of layers has no outer radius.
 

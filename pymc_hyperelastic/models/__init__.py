@@ -1,1 +1,1 @@
-"""PyMC models of inflated tubes: priors, the forward model, what was observed, populations."""
+"""PyMC models of inflated tubes: priors, the forward model, likelihoods, populations."""

@@ -87,7 +87,7 @@ def inflation_model(
         :class:`~pymc_hyperelastic.MeasuredValue` states the error of the value in the data, for
         each specimen by itself.
     rising : bool, default False
-        Whether the prior leaves out materials whose pressure falls somewhere between the smallest
+        If True, the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
         probability of the others, so that the prior is normalised. See also
         :func:`~pymc_hyperelastic.is_admissible`.

@@ -18,11 +18,11 @@ class Variability:
     Parameters
     ----------
     experiment_effect : bool, default False
-        Whether the tests of one specimen differ by more than noise, as at several axial stretches
-        of a material whose law does not couple the directions rightly.
+        If True, the tests of one specimen differ by more than noise, as at several axial stretches
+        if the law does not describe the coupling of the directions.
     reference_stress : float or None, default 20
         Reference stress, kPa. With None each modulus has its own logarithm as a coordinate. The
-        evidences with both tell in which coordinates the specimens are closer to normal.
+        evidences of both choices show in which coordinates the specimens are closer to normal.
 
     Raises
     ------

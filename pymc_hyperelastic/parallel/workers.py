@@ -151,8 +151,8 @@ def _start_trackers() -> None:
             os.environ["PYTHONSAFEPATH"] = before
 
 
-# What a worker process does first, also one by which loky replaces another. Modules are looked for
-# where this process looks, but last in the current folder.
+# Code that a worker process runs first, also a process by which loky replaces another. It searches
+# modules in the paths of this process, and in the current folder last.
 _SET_UP = """
 import sys
 sys.path[:] = paths

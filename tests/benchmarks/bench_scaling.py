@@ -1,4 +1,4 @@
-"""Time and accuracy of the evidence, peer by peer, and how the cost of this package grows.
+"""Time and accuracy of the evidence by each peer, and how the cost of this package grows.
 
 Costs grow with the number of points, of particles and of new experiments.
 """
@@ -22,9 +22,9 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 
 SEED = 100
-# Nats. A peer with a larger error does not solve the problem, and its time means nothing.
+# Nats. A peer with a larger error does not solve the problem, so that its time is not compared.
 TOLERANCE = 1.0
-# Particles of a run that is there to compile.
+# Particles of a run that only compiles.
 FEW = 100
 POINTS = (60, 600, 6_000, 60_000)
 PARTICLES = (500, 1000, 2000, 4000, 8000)
@@ -42,8 +42,8 @@ def report(benchmark, peer, evidences):
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_warm(benchmark, name):
-    """In a session in which the same has been run before."""
+def test_repeated_run_of_each_package(benchmark, name):
+    """Run a peer in a session in which it has been compiled before."""
     peer = PEERS[name]
     peer.run(draws=DRAWS if peer.compiled_for_size else FEW, chains=1, seed=0)
     seeds, evidences = count(1), []
@@ -56,8 +56,8 @@ def test_warm(benchmark, name):
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_cold(benchmark, name, tmp_path):
-    """A whole process, from the start of Python, with nothing compiled beforehand."""
+def test_first_run_of_each_package_in_a_new_process(benchmark, name, tmp_path):
+    """Run a peer in a new Python process with an empty compile cache."""
     environment = os.environ | {"PYTENSOR_FLAGS": f"base_compiledir={tmp_path}"}
     command = [sys.executable, Path(peers.__file__), name, "--seed", "11"]
     benchmark.group = "cold"
@@ -88,7 +88,7 @@ def model_of(points):
 
 
 @pytest.mark.parametrize("points", POINTS)
-def test_model_by_points(benchmark, points):
+def test_building_a_model_by_number_of_points(benchmark, points):
     """Build a model."""
     data = data_of(points)
     benchmark.group = "model by points"
@@ -98,7 +98,7 @@ def test_model_by_points(benchmark, points):
 
 
 @pytest.mark.parametrize("points", POINTS)
-def test_logp_by_points(benchmark, points):
+def test_log_density_by_number_of_points(benchmark, points):
     """Evaluate the log density at one point, by PyMC's default compiler."""
     model = model_of(points)
     logp, point = model.compile_logp(), model.initial_point()
@@ -107,7 +107,7 @@ def test_logp_by_points(benchmark, points):
 
 
 @pytest.mark.parametrize("points", POINTS)
-def test_score_by_points(benchmark, points):
+def test_batched_log_density_by_number_of_points(benchmark, points):
     """Evaluate the log density at 2000 particles."""
     model = model_of(points)
     score = BatchedFunction.of_model(model, [model.logp()])
@@ -117,7 +117,7 @@ def test_score_by_points(benchmark, points):
 
 
 @pytest.mark.parametrize("points", POINTS)
-def test_sampling_by_points(benchmark, points):
+def test_sampling_by_number_of_points(benchmark, points):
     """Sample a model that is built, 2 chains of 2000 particles, parameters kept."""
     model, seeds, trees = model_of(points), count(1), []
     sample(model, 500, seed=0)
@@ -128,7 +128,7 @@ def test_sampling_by_points(benchmark, points):
 
 
 @pytest.mark.parametrize("particles", PARTICLES)
-def test_sampling_by_particles(benchmark, particles):
+def test_sampling_by_number_of_particles(benchmark, particles):
     """Sample the known problem, 2 chains, parameters kept."""
     model, seeds, trees = peers.known_model(), count(1), []
     sample(model, 500, seed=0)
@@ -168,7 +168,7 @@ def fitted_classes():
 
 
 @pytest.mark.parametrize("experiments", NEW_EXPERIMENTS)
-def test_classification(benchmark, experiments, fitted_classes):
+def test_classification_by_number_of_experiments(benchmark, experiments, fitted_classes):
     """Classify new experiments, half from each class, against 2 chains of 2000 particles."""
     rng = np.random.default_rng(SEED + 1)
     curves = [

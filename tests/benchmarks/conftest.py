@@ -10,7 +10,7 @@ PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "numba", "jax", "d
 
 
 def pytest_collection_modifyitems(items):
-    """Compile as users do, for as long as it takes: tests that are not deep are interpreted."""
+    """Mark benchmarks as deep: they are compiled as users compile."""
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.deep)

@@ -51,7 +51,7 @@ def wall(radius):
 
 
 def constants(curves, *, one_grid=False):
-    """All that the likelihood needs of the data.
+    """Return the constants of the data that the likelihood needs.
 
     With `one_grid` the response is taken once for all experiments, which then must have the same
     radii: measured ones do not.

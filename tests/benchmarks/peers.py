@@ -86,7 +86,7 @@ def as_inflation_data(curves):
 
 
 def package(draws, chains, seed, var_names=("mu", "alpha")):
-    """Keep the parameters alone, as all other peers do, or with None the curves too."""
+    """Store only the parameters, as all other peers do; with None also the curves."""
     import pymc_hyperelastic as ph
 
     keep = None if var_names is None else list(var_names)
@@ -266,7 +266,7 @@ def dynesty(draws, chains, seed, as_many_live_points=False):
 
 
 PEERS = {
-    # Over as long a time as its slowest peer: machines change their speed.
+    # As many rounds as take the time of the slowest peer, because the speed of a machine varies.
     "package": Peer("`ph.sample_smc`, parameters kept", package, rounds=60),
     "package_with_curves": Peer(
         "`ph.sample_smc`, curves kept too", partial(package, var_names=None)

@@ -17,7 +17,9 @@ def tables(results):
     """Return the Markdown of all tables, under a line that names the machine."""
     groups = {}
     for benchmark in results["benchmarks"]:
-        groups.setdefault(benchmark["group"], {})[benchmark["param"]] = benchmark
+        # The name of a case is the name of a peer, or such as "points=600".
+        value = benchmark["param"].split("=")[-1]
+        groups.setdefault(benchmark["group"], {})[value] = benchmark
     return "\n\n".join(
         [
             machine(results["machine_info"]),

@@ -28,7 +28,7 @@ def repeated_class(count, factor, **changes):
 
 
 class Exact(NamedTuple):
-    """Moments are those of the location, of the effects, and of the difference of the groups."""
+    """Moments of the location, of the covariate effects, and of the difference between groups."""
 
     log_evidence: float
     mean: np.ndarray

@@ -21,7 +21,7 @@ BOX = tuple(p.prior_range for p in ph.Ogden.parameters)
 
 @cache
 def new_data():
-    """Two experiments on each of two specimens, one of either class, which take turns."""
+    """Return two experiments on one specimen of each class, in alternating order."""
     study, tables = ph.load_dataset("simulated_sheep_aorta"), []
     order = zip(("S4", "S2", "S5", "S3"), "BABA", (1, 1, 2, 2), strict=True)
     for source, specimen, experiment in order:
@@ -44,7 +44,7 @@ def exact_posterior(name, *new):
 
 
 def assert_exact(result, units):
-    """Evidences of the curves of each unit are right to their stated errors, which are small."""
+    """Check the evidence of the curves of each unit against quadrature; stated errors are small."""
     known = [exact_posterior(name).log_evidence for name in NAMES]
     joint = [[exact_posterior(name, *unit).log_evidence for name in NAMES] for unit in units]
     error = np.abs(result["log_evidence"].values - (np.array(joint) - known))

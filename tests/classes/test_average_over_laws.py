@@ -16,7 +16,7 @@ from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of
 # Relative rounding error of a sum of a few numbers.
 ROUNDING = 1e-10
 # Relative error of a root mean square over two thousand draws: 4 sd.
-OF_DRAWS = 0.06
+MONTE_CARLO_ERROR = 0.06
 
 # Log evidences of new data under two classes (law, class), without errors of their own.
 VALUES = np.array([[-3.0, -5.0], [-4.0, -3.5]])
@@ -65,25 +65,27 @@ def test_small_errors_of_evidences_are_propagated_linearly():
     """Two laws have dP_1 = P_1 P_2 d(L_1 - L_2), and the chain rule gives all other errors."""
     both = laws((-50.0, 0.03), (-51.0, 0.04))
     error = FIRST * (1 - FIRST) * 0.05
-    np.testing.assert_allclose(both.probability_error, [error, error], rtol=OF_DRAWS)
+    np.testing.assert_allclose(both.probability_error, [error, error], rtol=MONTE_CARLO_ERROR)
     evidence = np.exp(VALUES)
     averaged = FIRST * evidence[0] + (1 - FIRST) * evidence[1]
     slope = (evidence[0] - evidence[1]) / averaged  # derivative of the log evidence by P_1
     chance = averaged[0] / averaged.sum()
     for i, prediction in enumerate(average(both, predictions(), EQUAL)):
         expected = abs(slope[i]) * error
-        np.testing.assert_allclose(prediction.log_evidence.standard_error, expected, rtol=OF_DRAWS)
+        np.testing.assert_allclose(
+            prediction.log_evidence.standard_error, expected, rtol=MONTE_CARLO_ERROR
+        )
         expected = chance * (1 - chance) * abs(slope[0] - slope[1]) * error
-        np.testing.assert_allclose(prediction.probability_error, expected, rtol=OF_DRAWS)
+        np.testing.assert_allclose(prediction.probability_error, expected, rtol=MONTE_CARLO_ERROR)
     # Errors of the laws' predictions add in squares, each times the share of its law.
     share = np.array([FIRST, 1 - FIRST]) * evidence[:, 0] / averaged[0]
     first = average(both, predictions(0.1), EQUAL)[0]
     np.testing.assert_allclose(first.own_error, 0.1 * np.linalg.norm(share))
     expected = np.hypot(0.1 * np.linalg.norm(share), abs(slope[0]) * error)
-    np.testing.assert_allclose(first.log_evidence.standard_error, expected, rtol=OF_DRAWS)
+    np.testing.assert_allclose(first.log_evidence.standard_error, expected, rtol=MONTE_CARLO_ERROR)
 
 
-def test_an_unknown_evidence_makes_every_average_unknown():
+def test_infinite_evidence_error_of_one_law_makes_every_averaged_error_infinite():
     both = laws((-50.0, 0.1), (-90.0, np.inf))
     assert np.isinf(both.probability_error).all()
     for prediction in average(both, predictions(), EQUAL):
@@ -98,8 +100,8 @@ def test_an_unknown_evidence_makes_every_average_unknown():
         assert np.isinf([*prediction.log_evidence[1:], prediction.own_error]).all()
 
 
-def test_parts_of_an_average_are_those_of_averaged_evidences():
-    """One law has two parts, the other one of these: the second part leaves it unchanged."""
+def test_parts_of_the_log_ratio_follow_from_averaged_evidences():
+    """One law has two parts; the other law has only the first part."""
 
     def of_class(own):
         tables = {0: np.array([[-3.0, -4.5], [-3.5, -5.0]]), 1: np.array([-4.0, -3.5])}
@@ -131,7 +133,7 @@ def of_one_law(between):
     return [p._replace(hybrids=lambda _, t=t: t) for p, t in known]
 
 
-def test_unknown_parts_of_a_negligible_law_are_ignored():
+def test_nan_parts_of_a_law_of_negligible_probability_are_ignored():
     """Below a probability and a share of 1e-4 a law is left out; else its NaN makes parts NaN."""
     parts = (("pressure", "slope"),) * 2
     known = [of_one_law(-4.5), of_one_law(np.nan)]
@@ -151,7 +153,7 @@ def test_unknown_parts_of_a_negligible_law_are_ignored():
 
 
 def test_labels_distinguish_laws_of_the_same_name():
-    """By the settings of the law, the experiment effect, and otherwise by a number."""
+    """Labels add the settings of the law, the experiment effect, or otherwise a number."""
     layers = [ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)]
     kind_of = partial(HierarchicalClass.of_settings, likelihood=1.0)
     effect = ph.Variability(experiment_effect=True)
@@ -168,7 +170,7 @@ def test_labels_distinguish_laws_of_the_same_name():
 
 
 @pytest.mark.filterwarnings("ignore:class .* the fit is doubtful")  # specimens differ
-def test_laws_of_fitted_classes_are_averaged():
+def test_classify_averages_over_laws_by_the_evidences_of_their_classes():
     """Probabilities of the laws, and their errors, follow from the evidences of the classes."""
     settings = {"variability": None, "draws": 300, "chains": 2}
     classes, other = fit(**settings), fit(ph.Ogden(), **settings)

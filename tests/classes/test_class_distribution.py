@@ -32,7 +32,7 @@ def points_of(specimens):
     return np.concatenate([specimens[name] for name in names], axis=1)
 
 
-def test_moments_equal_those_of_random_specimens():
+def test_moments_of_a_class_equal_moments_of_random_specimens():
     """Two coordinates of two tests each, and noise: all variances and covariances."""
     fresh = fresh_specimens(POPULATION, distribution(COUNT), 2, np.random.default_rng(SEED))
     covariance = np.cov(points_of(fresh).T)
@@ -45,7 +45,7 @@ def test_moments_equal_those_of_random_specimens():
     np.testing.assert_allclose(points_of(fresh).mean(axis=0), known.means[0, :5], atol=0.01)
 
 
-def test_covariances_can_be_replaced():
+def test_with_covariance_replaces_covariance_and_location():
     changed = np.array([[0.3, -0.1], [-0.1, 0.2]]) * np.arange(1, 4)[:, None, None]
     other = distribution(3).with_covariance(changed, np.full((2, 3, 1), [[[1]], [[2]]]))
     np.testing.assert_allclose(other.covariance(), changed)
@@ -53,8 +53,8 @@ def test_covariances_can_be_replaced():
     np.testing.assert_allclose(other.location[:, 0, 0], [1.0, 2.0])
 
 
-def test_proposal_near_a_class_is_wider_by_half():
-    """Over all draws of the class's distribution, which differ in everything."""
+def test_proposal_near_a_class_is_one_and_a_half_times_as_wide():
+    """All parameters of the class distribution differ between draws."""
     rng = np.random.default_rng(SEED)
     one, varied = distribution(COUNT), {}
     for name in ("location", "spread", "experiment_spread", "effect_spread", *NOISE_MOMENTS):
@@ -76,8 +76,8 @@ def test_proposal_near_a_class_is_wider_by_half():
     np.testing.assert_array_equal(near.factor, np.eye(2))
 
 
-def test_reference_is_wider_than_every_class():
-    """Spreads are twice the median of a class, and add to the sd of its location."""
+def test_reference_spread_adds_the_location_sd_and_twice_the_median_spread():
+    """The squares of twice the median spread of a class and of the sd of its location add up."""
     reference = reference_of(POPULATION)
     mean, sd = POPULATION.scale.location_prior
     median = np.exp(POPULATION.scale.spread_prior[0])
@@ -90,8 +90,8 @@ def test_reference_is_wider_than_every_class():
     np.testing.assert_allclose(reference.noise_spread, np.hypot(0.3, 0.5), rtol=TOLERANCE)
 
 
-def test_draws_of_a_class_are_read_from_its_posterior():
-    """A class of two coordinates and an inferred standard deviation; unsound draws are refused."""
+def test_draws_of_a_class_are_read_from_its_posterior_and_invalid_draws_refused():
+    """The class has two coordinates and an inferred standard deviation."""
     rng, dims = np.random.default_rng(SEED), ("chain", "draw", "coordinate", "coordinate_2")
     values = {
         "location": rng.standard_normal((3, 40, 2)),

@@ -29,7 +29,7 @@ def by_test(classes):
     return classify(ph.select(new_data(), experiment=1), classes)
 
 
-def test_each_experiment_has_the_evidence_of_quadrature(by_test):
+def test_evidence_of_each_experiment_equals_quadrature(by_test):
     assert by_test["log_evidence"].dims == ("test", "class_label")
     assert by_test["specimen"].values.tolist() == ["B", "A"]
     assert by_test["experiment"].values.tolist() == [1, 1]
@@ -38,7 +38,7 @@ def test_each_experiment_has_the_evidence_of_quadrature(by_test):
     assert by_test["decision"].values.tolist() == ["C2", "C1"]
 
 
-def test_experiments_on_a_specimen_share_one_material(classes):
+def test_experiments_share_one_material_if_classified_by_specimen(classes):
     by_specimen = classify(new_data(), classes, by="specimen")
     assert by_specimen["log_evidence"].dims == ("specimen", "class_label")
     assert by_specimen["specimen"].values.tolist() == ["B", "A"]
@@ -46,8 +46,8 @@ def test_experiments_on_a_specimen_share_one_material(classes):
     assert_exact(by_specimen[{"specimen": [0]}], [curves[::2]])
 
 
-def test_each_method_gives_the_evidence_of_quadrature(classes, monkeypatch):
-    """A short experiment near the first class: draws of the second, far from it, are of no use."""
+def test_evidence_by_each_sampling_method_equals_quadrature(classes, monkeypatch):
+    """A short experiment near the first class has no useful draws from the second class."""
     one = ph.select(fits.training()["C1"], specimen="S1", experiment=1)
     one = one.isel(obs=slice(3, None, 5))
     rng = np.random.default_rng(SEED)
@@ -65,7 +65,7 @@ def test_each_method_gives_the_evidence_of_quadrature(classes, monkeypatch):
             monkeypatch.setattr(ClassPredictive, name, lambda *_: None)
 
 
-def test_class_priors_multiply_the_odds(classes, by_test):
+def test_class_prior_multiplies_the_odds_and_keeps_the_evidences(classes, by_test):
     """Evidences do not change, since the same seed gives the same draws."""
     one = ph.select(new_data(), specimen="A", experiment=1)
     result = classify(one, classes, class_prior={"C2": 0.9, "C1": 0.1})
@@ -77,7 +77,7 @@ def test_class_priors_multiply_the_odds(classes, by_test):
     assert result["decision"].item() == "C2"
 
 
-def test_errors_of_probabilities_follow_from_those_of_evidences():
+def test_errors_of_probabilities_are_propagated_from_errors_of_evidences():
     """To first order, with the part that all classes have in common left out."""
     values, errors = np.array([-3.0, -4.0, -3.5]), np.array([0.01, 0.02, 0.015])
     prior = np.array([0.2, 0.5, 0.3])
@@ -97,7 +97,7 @@ def test_errors_of_probabilities_follow_from_those_of_evidences():
 
 
 def decided(undecided_below=0.0, none_below=0.0, **changes):
-    """Decision where the first class is the more probable one, with something changed."""
+    """Return the decision for a result with two classes, some of whose values are changed."""
     values = {
         "log_evidence": [0.0, -5.0],
         "log_evidence_se": [0.01, 0.01],
@@ -134,13 +134,13 @@ def decided(undecided_below=0.0, none_below=0.0, **changes):
         ({"log_evidence": [np.nan] * 2, "log_evidence_se": [np.inf] * 2}, "cannot be judged"),
     ],
 )
-def test_decisions(settings, decision):
-    """The most probable class, unless a limit or an evidence that matters forbids it."""
+def test_decision_is_the_most_probable_class_unless_a_limit_forbids_it(settings, decision):
+    """An unreliable evidence forbids a decision only if it is near the largest evidence."""
     assert decided(**settings) == decision
 
 
-def test_an_interrupt_keeps_what_is_classified(classes, by_test, monkeypatch):
-    """In the second experiment: others are unknown."""
+def test_interrupt_keeps_finished_experiments_and_sets_others_to_nan(classes, by_test, monkeypatch):
+    """The interrupt comes while the second experiment is classified."""
     interrupt(monkeypatch, ClassPredictive, "__call__", 4)
     with pytest.warns(UserWarning, match="NaN"):
         result = classify(ph.select(new_data(), experiment=1), classes)

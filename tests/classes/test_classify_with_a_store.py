@@ -1,4 +1,4 @@
-"""With a store, in batches and in any process, `classify` gives the same as without."""
+"""`classify` gives the same result with and without a store, in batches of any size."""
 
 import warnings
 
@@ -15,13 +15,13 @@ from pymc_hyperelastic.classes import classification
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data import representatives
 
-# Differences that rounding in another order of sums may make.
+# Relative differences between sums of the same terms in another order.
 ROUNDING = 1e-6
 STUDY = ph.load_dataset("simulated_sheep_aorta")
 
 
 @pytest.mark.parametrize("by", ["specimen", *deep(["test"])])
-def test_a_store_holds_the_result_of_classify(by, tmp_path):
+def test_classify_gives_the_same_result_with_and_without_a_store(by, tmp_path):
     classes = fits.fit("pooled")
     new = ph.select(STUDY, experiment=3, specimen=["S1", "S4"])
     prior = {"C1": 0.9, "C2": 0.1}
@@ -45,8 +45,8 @@ def caught(function) -> tuple[xr.Dataset, list[str]]:
     return result, [str(warning.message) for warning in found]
 
 
-def test_numbers_and_warnings_are_those_without_a_store(tmp_path, monkeypatch):
-    """Two of four specimens fail, and no evidence is reliable; two tests stand for all."""
+def test_failures_and_warnings_are_the_same_with_and_without_a_store(tmp_path, monkeypatch):
+    """Two of four specimens fail, and no evidence is reliable; two tests represent all."""
     classes, sample = fits.fit("neo_hookean_classes"), SpecimenSampler.__call__
     specimens = {"N1": [42.0], "N2": [90.0, 91.0], "N3": [60.0], "N4": [75.0]}
     new, batches = curves(specimens, 3), []
@@ -66,7 +66,7 @@ def test_numbers_and_warnings_are_those_without_a_store(tmp_path, monkeypatch):
     assert said[1].startswith("2 of 4 cannot be judged") and len(said) == 2
     for name, size in (("one", 1), ("three", 3)):
         store = ph.Store(tmp_path / name, cores=1, batch_size=size)
-        for times in (1, 0):  # the second call computes nothing, and says the same
+        for times in (1, 0):  # the second call computes nothing and repeats the warnings
             batches.clear()
             found, repeated = caught(lambda s=store: classify(new, classes, store=s))
             xr.testing.assert_equal(found, expected.astype(found.dtypes))
@@ -76,7 +76,7 @@ def test_numbers_and_warnings_are_those_without_a_store(tmp_path, monkeypatch):
     xr.testing.assert_equal(alone, expected.sel(specimen=["N1", "N3"]))
 
 
-def test_a_store_keeps_the_seed_and_refuses_other_settings(tmp_path):
+def test_store_keeps_the_random_seed_and_refuses_changed_settings(tmp_path):
     classes, new = fits.fit("neo_hookean_classes"), curves({"N1": [42.0]}, 3)
     store = ph.Store(tmp_path / "store", cores=1)
     first = classify(new, classes, store=store, random_seed=None)

@@ -23,7 +23,7 @@ SEED = 913
 X = "log_reference_strain"
 DRAWS = 400
 # Errors of means and standard deviations of the draws: four standard errors, in posterior sds.
-OF_MEANS, OF_SDS = 4 / np.sqrt([DRAWS, 2 * DRAWS])
+MEAN_ERROR, SD_ERROR = 4 / np.sqrt([DRAWS, 2 * DRAWS])
 # The specimens of a draw are evenly spread in probability: means over 128 of them have this error.
 MANY, PRECISE = 128, 0.01
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
@@ -102,7 +102,7 @@ def test_typical_specimen_mean_and_spread_equal_quadrature(result, distributions
     assert result["unit"].values.tolist() == ["1", ""]
 
 
-def test_differences_follow_from_the_draws(result, distributions):
+def test_statistics_of_a_difference_are_computed_from_the_draws(result, distributions):
     found = result.sel(comparison="stiff − soft", statistic="typical")
     (m1, s1), (m2, s2) = distributions.values()
     difference = modulus(m2) - modulus(m1)
@@ -122,7 +122,7 @@ def test_differences_follow_from_the_draws(result, distributions):
     assert "0.1 of their 95 % intervals are expected to exclude 0" in result.attrs["words"]
 
 
-def test_overlaps_are_those_of_normal_distributions(result, distributions):
+def test_overlap_of_one_coordinate_equals_the_overlap_of_normal_densities(result, distributions):
     """For one coordinate the overlap of the quantity is that of the specimens."""
     found = result.sel(comparison="stiff − soft")
     grid = np.linspace(-6, 3, 4001)
@@ -134,7 +134,7 @@ def test_overlaps_are_those_of_normal_distributions(result, distributions):
     np.testing.assert_allclose(found["best_accuracy"], 1 - found["overlap"] / 2)
 
 
-def test_spreads_are_reported_with_their_prior(scale, result, distributions):
+def test_coordinate_spread_is_reported_with_its_prior(scale, result, distributions):
     found = result.isel(coordinate=0)
     spread = distributions["soft"][1]
     assert found["coordinate_spread"].sel(group="soft") == pytest.approx(np.median(spread))
@@ -144,8 +144,8 @@ def test_spreads_are_reported_with_their_prior(scale, result, distributions):
     np.testing.assert_allclose(found["prior_coordinate_spread_interval"], ends, rtol=0.01)
 
 
-def test_sensitivities_are_those_of_the_closed_form_of_the_model(scale, result, distributions):
-    """Each specimen is known with a small normal error."""
+def test_sensitivities_equal_psense_of_the_closed_form_of_the_model(scale, result, distributions):
+    """The model is normal: the coordinate of each specimen is measured with a small error."""
     logs = {"log_prior": 0.0, "log_likelihood": 0.0}
     specimens = np.transpose(SPECIMENS).reshape(2, 3, 2)
     for own, (location, spread) in zip(specimens, distributions.values(), strict=True):
@@ -163,8 +163,8 @@ def test_sensitivities_are_those_of_the_closed_form_of_the_model(scale, result, 
         assert found[f"{group}_sensitivity"].item() == pytest.approx(expected, rel=0.05)
 
 
-def test_properties_are_those_of_a_tube(classes):
-    """Soft tubes burst."""
+def test_properties_equal_tube_properties_and_burst_tubes_are_counted(classes):
+    """Some soft tubes burst below 6 kPa and have no compliance."""
     pressure = [1.0, 6.0]
     quantities = ["compliance", "log compliance"]
     with pytest.warns(UserWarning, match="have no") as warned:
@@ -187,7 +187,7 @@ def test_properties_are_those_of_a_tube(classes):
 
 @pytest.fixture
 def joint_models(monkeypatch):
-    """Give joint models evidences by hand, as test_joint compares evidences with closed forms."""
+    """Give joint models fixed evidences; test_joint compares evidences with closed forms."""
     real, seen = Joint.fit, []
 
     def fitted(joint, units, *args):
@@ -207,14 +207,14 @@ def joint_models(monkeypatch):
 def check_difference(found, exact):
     """Compare the draws of the difference, and the Bayes factor of evidences by hand."""
     difference = found["draws"].sel(group="stiff") - found["draws"].sel(group="soft")
-    assert abs(difference.mean() - exact.mean[-1]) < OF_MEANS * exact.sd[-1]
-    assert found["difference_sd"].item() == pytest.approx(exact.sd[-1], rel=OF_SDS)
+    assert abs(difference.mean() - exact.mean[-1]) < MEAN_ERROR * exact.sd[-1]
+    assert found["difference_sd"].item() == pytest.approx(exact.sd[-1], rel=SD_ERROR)
     assert found["log_bayes_factor"].item() == pytest.approx(2.0)
     assert found["log_bayes_factor_se"].item() == pytest.approx(0.5)
     assert found["probability_of_difference"].item() == pytest.approx(special.expit(2.0))
 
 
-def test_a_covariate_has_the_effect_of_closed_forms(classes, scale, joint_models):
+def test_covariate_effect_and_difference_equal_closed_forms(classes, scale, joint_models):
     settings = {"covariates": {"age": dict(zip(ANIMALS, AGE, strict=True))}, "draws": DRAWS}
     found = compare(classes, X, effect_prior=2.0, **settings)
     found = found.sel(statistic="typical").squeeze()
@@ -225,14 +225,14 @@ def test_a_covariate_has_the_effect_of_closed_forms(classes, scale, joint_models
     assert joint_models == [(Apart(2.0, 1.0), apart), (None, {"all": together})]
     # A median has 1.25 times the standard error of a mean.
     error = abs(found["covariate_effect"] * AGE.std() - exact.mean[1])
-    assert error < 1.25 * OF_MEANS * exact.sd[1]
+    assert error < 1.25 * MEAN_ERROR * exact.sd[1]
     sd = found["covariate_effect_sd"].item() * AGE.std()
-    assert sd == pytest.approx(exact.sd[1], rel=OF_SDS)
+    assert sd == pytest.approx(exact.sd[1], rel=SD_ERROR)
     low, high = found["covariate_effect_interval"].values
     assert 0 < low < 0.1 < high < 0.2
 
 
-def test_the_tube_is_that_of_the_median_specimen(classes):
+def test_default_tube_has_the_median_measures_of_the_specimens(classes):
     """A specimen counts once, however many tests it has; a given value replaces the median."""
     changed = classes.copy(deep=True)
     for name, radii in (("soft", [6.0, 6.5, 7]), ("stiff", [7.5, 8, 8, 8.9])):
@@ -245,7 +245,7 @@ def test_the_tube_is_that_of_the_median_specimen(classes):
         compare(classes, X, at=ph.Conditions(tube=ph.Tube(axial_stretch=[1.0, 1.5])))
 
 
-def test_properties_between_two_pressures_need_no_other_pressure(classes):
+def test_stored_energy_change_needs_only_a_pressure_range(classes):
     """The change of the stored energy is the difference of the energies at both pressures."""
     few = {"draws": 100, "specimens": 8}
     ends = compare(classes, "stored_energy", at=[0.2, 0.4], **few)["draws"]
@@ -256,7 +256,7 @@ def test_properties_between_two_pressures_need_no_other_pressure(classes):
     np.testing.assert_allclose(found.sel(typical).squeeze("quantity"), change, rtol=1e-6)
 
 
-def test_pairs_have_the_difference_of_closed_forms(classes, scale, joint_models):
+def test_difference_between_paired_specimens_equals_closed_form(classes, scale, joint_models):
     """Moduli of animals differ by half, and all rise by about as much."""
     settings = {"pair": ANIMALS, "effect_prior": 1.0, "draws": DRAWS}
     found = compare(classes, X, **settings).squeeze()
@@ -266,10 +266,10 @@ def test_pairs_have_the_difference_of_closed_forms(classes, scale, joint_models)
     found = found.sel(statistic="typical")
     check_difference(found, of_pairs(scale, *SPECIMENS, [], Apart(3.0, 1.0)))
     assert joint_models == [(each, {"pairs": ["1", "2", "3"]}) for each in (Apart(1, 0.5), None)]
-    # A modulus that rises makes the strain of reference fall.
+    # The reference strain falls if the modulus rises.
     assert found["probability_of_rise"] < 0.02
     assert found["share_rising"] < 0.2
-    # Three changes say little of their spread, whose prior has a median of some 0.3.
+    # Three changes hardly determine their spread, whose prior has a median of about 0.3.
     changes = SPECIMENS[0][3:] - SPECIMENS[0][:3]
     assert np.std(changes) < found["spread_of_change"] < 0.3
     assert found["effect_size_of_change"] < found["effect_size"] < 0
@@ -291,7 +291,7 @@ def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
     assert found["probability_of_difference"][1] == pytest.approx([1 / (1 + sum(none))])
 
 
-def test_standard_specimens_have_the_moments_of_a_normal_distribution():
+def test_standard_specimens_have_zero_mean_and_unit_covariance():
     for size, count in ((1, 128), (3, 32)):
         z = standard_specimens(size, count)
         assert z.shape == (count + 1, size) and not z[0].any()
@@ -302,7 +302,7 @@ def test_standard_specimens_have_the_moments_of_a_normal_distribution():
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.*have no compliance there")
-def test_laws_are_averaged_by_their_probability(classes):
+def test_draws_of_each_law_are_in_proportion_to_its_probability(classes):
     """The fixture is compared with Demiray's law, of two parameters."""
     other = fit(ph.Demiray(), draws=500, chains=1)
     laws = {"NeoHookean": classes, "Demiray": other}
@@ -316,7 +316,7 @@ def test_laws_are_averaged_by_their_probability(classes):
     assert result.attrs["strain_energy"] == "NeoHookean, Demiray"
 
 
-def test_wrong_input_is_named(classes):
+def test_wrong_quantities_and_settings_are_refused(classes):
     for quantity, settings, message in (
         ("stiffnes", {}, "no quantity is called 'stiffnes'; NeoHookean has the .*'stiffness'"),
         ([], {}, "one or several different names"),

@@ -22,7 +22,7 @@ def with_animals(classes, soft, stiff):
     return changed
 
 
-def test_numbers_are_standardised_and_categories_become_indicators(classes):
+def test_numeric_covariates_are_standardised_and_categories_become_indicators(classes):
     age, sex = (1, 2, 6, 2, 4, 9), ("f", "m", "f", "o", "m", "f")
     covariates = Covariates(classes, {"age": by_name(*age), "sex": by_name(*sex)})
     assert covariates.names == ["age", "sex=m", "sex=o"]
@@ -35,7 +35,7 @@ def test_numbers_are_standardised_and_categories_become_indicators(classes):
     assert Covariates(classes, None).of("soft", "A1").size == 0
 
 
-def test_covariates_and_animals_may_be_variables_of_the_data(classes):
+def test_covariates_and_pairs_can_be_variables_of_the_data(classes):
     data = with_animals(classes, [3, 1, 2], [1, 2, 2, 3])
     covariates = Covariates(data, ["animal"])
     assert covariates.of("soft", "A2")[0] == covariates.of("stiff", "B1")[0] < 0
@@ -44,7 +44,7 @@ def test_covariates_and_animals_may_be_variables_of_the_data(classes):
     assert pairs == [("x", "A1", "B2"), ("y", "A2", "B1"), ("z", "A3", "B3")]
 
 
-def test_confounded_covariates_are_warned_of(classes):
+def test_covariate_collinear_with_the_groups_warns_and_constant_one_is_refused(classes):
     with pytest.warns(
         UserWarning, match=r"groups and the covariates \['batch=old'\] are collinear"
     ):
@@ -54,7 +54,7 @@ def test_confounded_covariates_are_warned_of(classes):
         Covariates(classes, {"age": by_name(0.3, 0.1 + 0.2, 0.3, 0.3, 0.3, 0.3)})
 
 
-def test_wrong_covariates_are_named(classes):
+def test_wrong_covariates_are_refused_with_the_specimen(classes):
     for given, message in (
         ({"age": {"A1": 3.0}}, "age: specimen 'A2' of class 'soft' has no value"),
         ({"age": by_name(1, 2, np.nan, 1, 2, 3)}, "'age' of specimen 'A3' of class 'soft' is nan"),
@@ -65,7 +65,7 @@ def test_wrong_covariates_are_named(classes):
             Covariates(classes, given)
 
 
-def test_wrong_pairs_are_named(classes):
+def test_wrong_pairs_are_refused_with_the_animal(classes):
     for pair, message in (
         (by_name(*range(6)), r"animal 0, specimen 'A1', has no specimen in class 'stiff'"),
         (by_name(1, 2, 3, 1, 2, 2), "animal 2 has several specimens in class 'stiff': 'B2', 'B3'"),

@@ -1,4 +1,4 @@
-"""Specimens that are left out of their classes, and classified by the others."""
+"""Cross-validation: each specimen is left out of its class and classified by the others."""
 
 import json
 
@@ -34,7 +34,7 @@ def report_of(energy=None, groups=SMALL, **settings):
 
 
 def report_of_pooled():
-    """Names that are numbers, in the data and in `leave_out`, are text in the report."""
+    """Return a report; names that are numbers in data and `leave_out` are text in the report."""
     numbered = {k: v.assign_coords(specimen=v["specimen"].astype(int)) for k, v in FEW.items()}
     settings = {"variability": None, "draws": POOLED_DRAWS}
     return report_of(None, numbered, leave_out=PAIRS, **settings)
@@ -51,7 +51,7 @@ def report():
     return report_of([ph.NeoHookean(), ph.MooneyRivlin()], leave_out=ANIMALS)
 
 
-def test_a_report_has_a_row_for_each_law_and_their_average(report):
+def test_report_has_a_row_for_each_law_and_their_average(report):
     labels = ["NeoHookean", "MooneyRivlin", "average"]
     assert report["strain_energy"].values.tolist() == labels
     assert report["specimen"].values.tolist() == SPECIMENS
@@ -69,7 +69,7 @@ def test_a_report_has_a_row_for_each_law_and_their_average(report):
     assert right[0].mean() > 0.5
 
 
-def test_laws_are_averaged_by_the_evidence_of_what_is_not_left_out(report):
+def test_laws_are_weighted_by_the_evidence_of_the_remaining_specimens(report):
     """Specimens that are left out together have the same weights of the laws."""
     laws = report["strain_energy_probability"]
     weights = laws.values[:2]
@@ -77,7 +77,7 @@ def test_laws_are_averaged_by_the_evidence_of_what_is_not_left_out(report):
     np.testing.assert_allclose(weights.sum(axis=0), 1)
     assert np.isnan(laws.sel(strain_energy="average")).all()
     np.testing.assert_array_equal(weights[:, :3], weights[:, 3:])
-    # The probabilities of two laws have the same error, at most that of a coin.
+    # The probabilities of two laws have the same error, which is at most 0.5.
     errors = report["strain_energy_probability_se"].values
     np.testing.assert_allclose(errors[0], errors[1], atol=ROUNDING)
     assert np.all((errors[:2] > 0) & (errors[:2] < 0.5)) and np.isnan(errors[2]).all()
@@ -87,7 +87,7 @@ def test_laws_are_averaged_by_the_evidence_of_what_is_not_left_out(report):
     np.testing.assert_allclose(p_value[2], (weights[..., None] * p_value[:2]).sum(axis=0))
 
 
-def test_a_specimen_left_out_is_classified_as_a_new_one(report):
+def test_left_out_specimen_has_the_evidence_of_a_fit_without_it(report):
     """A fit to all other animals gives the same evidences and p-values."""
     train = {
         name: ph.select(data, specimen=[s for s in np.unique(data["specimen"]) if s[1] != "1"])
@@ -108,7 +108,7 @@ def test_a_specimen_left_out_is_classified_as_a_new_one(report):
         assert np.all(np.abs(mine["p_value"] - result["p_value"]) < 3 * error)
 
 
-def test_pooled_classes_equal_quadrature_over_the_modulus(pooled_report):
+def test_evidence_under_pooled_classes_equals_quadrature_over_the_modulus(pooled_report):
     assert pooled_report["specimen"].values.tolist() == ["1", "2", "3", "4"]
     assert "p_value" not in pooled_report and pooled_report.sizes["strain_energy"] == 1
     assert pooled_report.attrs["variability"] == "none"
@@ -134,7 +134,7 @@ def test_pooled_classes_equal_quadrature_over_the_modulus(pooled_report):
             assert error < 4 * np.sqrt(variance / POOLED_DRAWS) < 0.15
 
 
-def test_after_an_interrupt_only_complete_results_are_reported(pooled_report, monkeypatch):
+def test_interrupt_keeps_complete_folds_and_sets_others_to_nan(pooled_report, monkeypatch):
     interrupt(monkeypatch, pooled, "run_smc", 4)  # a fit of the second fold
     with pytest.warns(UserWarning, match="interrupted"):
         report = report_of_pooled()
@@ -144,7 +144,7 @@ def test_after_an_interrupt_only_complete_results_are_reported(pooled_report, mo
         assert np.isnan(report[value].values[:, [1, 3]]).all()
 
 
-def test_wrong_input_is_named_before_anything_is_sampled():
+def test_wrong_input_is_refused_before_sampling():
     third = {"third": curves({"C1": [30.0]}, 7)}
     for settings, error, message in (
         ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\).*call the class"),

@@ -22,7 +22,7 @@ DIFFERENT = 0.1
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_shapley_values_are_means_over_all_orders(count):
+def test_shapley_values_equal_means_over_all_orders(count):
     values = np.random.default_rng(count).standard_normal((2,) * count)
     expected = np.zeros(count)
     orders = [*itertools.permutations(range(count))]
@@ -69,14 +69,14 @@ def parts_of(own, other):
         ({"noise_spread": [1.0]}, "noise"),
     ],
 )
-def test_the_whole_log_ratio_is_the_only_part_that_differs(changes, part):
+def test_only_the_part_that_differs_between_classes_is_not_zero(changes, part):
     parts, log_ratio = parts_of(distribution(), distribution(**changes))
     assert abs(log_ratio) > DIFFERENT
     np.testing.assert_allclose(parts.pop(part), log_ratio, atol=ROUNDING)
     np.testing.assert_allclose([*parts.values()], 0, atol=ROUNDING)
 
 
-def test_mixed_evidences_are_densities_of_mixed_distributions():
+def test_mixed_evidence_equals_the_density_of_a_mixed_distribution():
     own = distribution()
     other = distribution(location=[0.5, 1.3], effect_spread=0.6, log_size=[-0.5])
     draws = specimen()
@@ -85,12 +85,12 @@ def test_mixed_evidences_are_densities_of_mixed_distributions():
     ends = tuple(specimen_evidence(draws, d).log_evidence.value for d in (own, other))
     values = hybrid_evidences([draws], own, other, tuple(PARTS), ends)
     np.testing.assert_allclose(values[0, 1, 1], expected, atol=ROUNDING)
-    # A better known evidence of one class shifts mixed evidences by its share.
+    # A more accurate evidence of one class shifts mixed evidences by a third of the change.
     moved = hybrid_evidences([draws], own, other, tuple(PARTS), (ends[0] + 0.3, ends[1]))
     np.testing.assert_allclose(moved[0, 1, 1], expected + 0.1, atol=ROUNDING)
 
 
-def test_mixed_evidences_that_cannot_be_trusted_are_nan():
+def test_unreliable_mixed_evidence_is_nan_unless_a_second_sample_is_reliable():
     """A second sample of the specimen, near the other class, is used instead if there is one."""
     own, other = distribution(), distribution(location=[9.0, 1.0], log_size=[-0.5])
     bad, good = specimen(), specimen(location=(9.0, 1.0))
@@ -99,16 +99,16 @@ def test_mixed_evidences_that_cannot_be_trusted_are_nan():
     assert np.isfinite(hybrid_evidences([bad, good], *settings)).all()
 
 
-def test_the_rival_is_the_most_probable_other_class():
+def test_rival_is_the_most_probable_other_class():
     values = np.array([-3.0, -4.0, -3.5])
     for prior, rivals in (((0.4, 0.3, 0.3), [2, 0, 0]), ((0.3, 0.6, 0.1), [1, 0, 0])):
         assert rivals_of(values + np.log(prior)) == rivals
-    # What is not known is the least probable; of equals the first is the rival.
+    # A class of unknown probability is the least probable; of equal classes the first is the rival.
     assert rivals_of(np.array([np.nan, -2.0, -3.0])) == [1, 2, 1]
     assert rivals_of(np.zeros(3)) == [1, 0, 0]
 
 
-def test_a_single_part_is_the_log_ratio():
+def test_a_single_part_equals_the_log_ratio():
     laws, values = Laws(["law"], [("all",)], [ph.Estimate(0.0, 0.0)]), [-3.0, -4.0, -3.5]
     known = []
     for v in values:
@@ -118,7 +118,7 @@ def test_a_single_part_is_the_log_ratio():
 
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
-def test_parts_of_fitted_classes_are_material_and_noise():
+def test_classes_with_inferred_noise_have_a_material_and_a_noise_part():
     """The part of an inferred noise is the same for two specimens with the same noise."""
     ends = {"soft": ["A1", "A3"], "stiff": ["B1", "B3"]}
     training = {name: ph.select(TRAINING[name], specimen=own) for name, own in ends.items()}

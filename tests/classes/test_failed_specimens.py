@@ -33,7 +33,7 @@ def fail(_):
 
 
 def give_up(take):
-    """Let importance sampling find nothing, and particles have no time to move."""
+    """Let importance sampling fail, and tempering stop before its particles move."""
 
     def unknown(sample):
         def sampled(*args, **settings):
@@ -49,7 +49,7 @@ def give_up(take):
         return take()
 
 
-def test_other_specimens_are_classified(classes, monkeypatch):
+def test_failed_specimen_cannot_be_judged_and_the_others_are_classified(classes, monkeypatch):
     new_data = curves({"N1": [42.0], "N2": [90.0]}, 3)
     alone = classify(new_data, classes)
     change(monkeypatch, "__call__", "N2", fail)
@@ -63,7 +63,7 @@ def test_other_specimens_are_classified(classes, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
-def test_other_classes_are_fitted(monkeypatch):
+def test_class_with_a_failed_specimen_is_not_fitted_and_the_others_are(monkeypatch):
     """A training specimen is not left out silently: its class is not fitted."""
     change(monkeypatch, "__call__", "B2", fail)
     said = "class 'stiff' is not fitted: specimen 'B2' .*singular"
@@ -82,7 +82,7 @@ def test_other_classes_are_fitted(monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
-def test_a_class_with_a_specimen_given_up_has_no_evidence(classes, monkeypatch):
+def test_class_with_a_specimen_given_up_has_an_infinite_evidence_error(classes, monkeypatch):
     """Results of such a class warn, and classify makes no decision."""
     classes = classes.copy()
     change(monkeypatch, "__call__", GIVEN_UP, give_up)
@@ -105,7 +105,7 @@ def test_a_class_with_a_specimen_given_up_has_no_evidence(classes, monkeypatch):
     assert found["decision"].item() == "cannot be judged"
 
 
-def test_a_specimen_given_up_may_be_found_near_its_class(classes, monkeypatch):
+def test_specimen_given_up_is_sampled_again_near_its_class(classes, monkeypatch):
     known = ph.log_evidence(classes["stiff"])
     change(monkeypatch, "__call__", GIVEN_UP, give_up)
     found = fit(training={"stiff": TRAINING["stiff"]}, chains=1)["stiff"]

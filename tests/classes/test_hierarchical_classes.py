@@ -1,4 +1,4 @@
-"""Classes whose specimens differ: evidence, posterior and predictions, against brute force."""
+"""Classes whose specimens differ: evidence, posterior and predictions, against sums over grids."""
 
 from contextlib import nullcontext
 
@@ -19,7 +19,7 @@ from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 STANDARD_ERRORS = 3
 # Nats.
 EVIDENCE_TOLERANCE = 0.1
-# Location and logarithm of the spread, over all that matters.
+# Grids of the location and of the logarithm of the spread, where the density is relevant.
 LOCATION = np.linspace(np.log(0.2) - 4.0, np.log(0.2) + 3.0, 141)
 LOG_SPREAD = np.linspace(np.log(0.4) - 4.0, np.log(0.4) + 4.0, 121)
 
@@ -59,7 +59,7 @@ def exact():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_evidence_and_posterior_of_a_class_are_those_of_brute_force(classes, exact, name):
+def test_evidence_and_posterior_of_a_class_equal_sums_over_grids(classes, exact, name):
     """Over location, spread and the coordinate of every specimen, each on a fine grid."""
     for group, dim in (("evidence", "chain"), ("specimens", "specimen")):
         method, shape = (classes[name][group][v] for v in ("method", "pareto_k"))
@@ -88,7 +88,7 @@ def test_evidence_and_posterior_of_a_class_are_those_of_brute_force(classes, exa
 
 
 def test_evidence_of_a_new_specimen_is_the_ratio_of_two_integrals(by_specimen, exact, new_data):
-    """With the specimen and without it; its tests share one material."""
+    """The integrals are taken with and without the specimen; its tests share one material."""
     tables = log_marginals(new_data)
     assert by_specimen["specimen"].values.tolist() == ["N1", "N2"]
     assert by_specimen["decision"].values.tolist() == ["soft", "stiff"]
@@ -102,7 +102,7 @@ def test_evidence_of_a_new_specimen_is_the_ratio_of_two_integrals(by_specimen, e
             assert abs(value - truth) < STANDARD_ERRORS * error
 
 
-def test_a_specimen_is_sampled_again_near_a_class_that_has_few_of_its_draws(classes, by_specimen):
+def test_specimen_with_few_draws_near_a_class_is_sampled_again_near_it(classes, by_specimen):
     """Its first draws are so wide that the evidence from them cannot be trusted."""
     kind, data = kind_of_classes(classes), curves({"N1": [42.0]}, 3)
     rng = np.random.default_rng(SEED)
@@ -116,8 +116,8 @@ def test_a_specimen_is_sampled_again_near_a_class_that_has_few_of_its_draws(clas
 
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
-def test_one_seed_gives_one_result(classes, by_specimen, monkeypatch):
-    """Also with sigma in place of a standard deviation; each specimen and chain moves the bar."""
+def test_same_seed_gives_the_same_result_and_full_progress_bar(classes, by_specimen, monkeypatch):
+    """The likelihood states `sigma` or the equal standard deviation; another seed differs."""
 
     class Bar(nullcontext):
         total, done = 0, 0

@@ -15,7 +15,7 @@ SEED, DRAWS = 912, 1000
 STANDARD_ERRORS, NATS = 3, 0.07
 # Errors of means, standard deviations and probabilities of the draws: four standard errors, the
 # first two in posterior sds.
-OF_MEANS, OF_SDS, OF_CHANCES = 4 / np.sqrt([DRAWS, 2 * DRAWS, 4 * DRAWS])
+MEAN_ERROR, SD_ERROR, PROBABILITY_ERROR = 4 / np.sqrt([DRAWS, 2 * DRAWS, 4 * DRAWS])
 KIND = HierarchicalClass.of_settings(ph.NeoHookean(), 1.0)
 SCALE = KIND.scale
 (MEAN,), (MEDIAN,) = SCALE.location_prior[0], np.exp(SCALE.spread_prior[0])
@@ -28,12 +28,16 @@ def check(found, exact, **draws):
     assert abs(value - exact.log_evidence) < min(STANDARD_ERRORS * error, NATS)
     for name, values in draws.items():
         place = {"effect": 1, "difference": -1}[name]
-        assert abs(values.mean() - exact.mean[place]) < OF_MEANS * exact.sd[place]
-        assert values.std() == pytest.approx(exact.sd[place], rel=OF_SDS)
+        assert abs(values.mean() - exact.mean[place]) < MEAN_ERROR * exact.sd[place]
+        assert values.std() == pytest.approx(exact.sd[place], rel=SD_ERROR)
 
 
-@pytest.mark.parametrize(("apart", "covariates"), [(None, []), (APART, ["age"])])
-def test_two_groups_equal_a_sum_over_spreads(apart, covariates):
+@pytest.mark.parametrize(
+    ("apart", "covariates"),
+    [(None, []), (APART, ["age"])],
+    ids=["one distribution", "difference and covariate"],
+)
+def test_joint_fit_of_two_groups_equals_a_sum_over_spreads(apart, covariates):
     """Groups of different sizes and spreads, with or without a covariate."""
     rng = np.random.default_rng(SEED)
     sign = np.repeat([-0.5, 0.5], [5, 4])
@@ -54,20 +58,20 @@ def test_two_groups_equal_a_sum_over_spreads(apart, covariates):
     first, second = (d for (d,) in joint.distributions(found, DRAWS).values())
     difference = np.ravel(second.location - first.location)
     check(found, exact, effect=first.effects[0], difference=difference)
-    assert abs(np.mean(second.spread > first.spread) - exact.positive) < OF_CHANCES
+    assert abs(np.mean(second.spread > first.spread) - exact.positive) < PROBABILITY_ERROR
     ratio = np.log(np.ravel(second.spread) / np.ravel(first.spread))
     stored = found["posterior"]["spread_difference"].values.ravel()
     np.testing.assert_allclose(abs(ratio), abs(stored))
 
 
-def test_every_two_of_several_groups_differ_as_two_do():
+def test_contrasts_of_any_two_groups_have_a_distance_of_one():
     contrasts = Joint(KIND, [*"abc"], APART).contrasts
     for i, j in ((0, 1), (0, 2), (1, 2)):
         assert np.sum((contrasts[i] - contrasts[j]) ** 2) == pytest.approx(1)
 
 
-def test_pairs_equal_a_sum_over_spreads():
-    """Animals differ far more than each of them changes; one half is measured less well."""
+def test_joint_fit_of_pairs_equals_a_sum_over_spreads():
+    """Animals differ more than they change; the second value of a pair has larger errors."""
     rng = np.random.default_rng(SEED)
     animals = rng.normal(MEAN, 0.6, 6)
     change = 0.25 + rng.normal(0, 0.1, 6)

@@ -11,7 +11,7 @@ from pymc_hyperelastic.classes.pooled import PooledClass
 
 
 @pytest.mark.parametrize(("first", "second"), [NAMES, NAMES[::-1]])
-def test_divergence_is_that_of_quadrature(first, second):
+def test_divergence_equals_quadrature(first, second):
     """The mean of the log ratio of two posteriors over the nodes of the first."""
     fitted = exact_posterior(first)
     exponent, row = np.unique(fitted.exponent, return_inverse=True)
@@ -31,8 +31,8 @@ def test_divergence_of_a_class_from_itself_is_zero_without_error():
     assert ph.kl_divergence(fits.fit("pooled"), "C1", "C1") == (0.0, 0.0)
 
 
-def test_the_error_counts_effective_draws(monkeypatch):
-    """Each draw is there ten times in succession."""
+def test_error_follows_from_the_effective_sample_size(monkeypatch):
+    """Each draw is repeated ten times in succession."""
     classes = fits.fit("pooled")
     count = classes["C1"]["posterior"].sizes["chain"] * classes["C1"]["posterior"].sizes["draw"]
     drawn = np.random.default_rng(1).standard_normal(count // 10)

@@ -24,7 +24,7 @@ def classified(probability, **attrs):
     )
 
 
-def test_scores_of_two_units_by_hand():
+def test_scores_of_two_units_equal_values_computed_by_hand():
     """Brier scores: 0.09 + 0.01 + 0.04 against (1, 0, 0), 0.04 + 0.64 + 0.36 against (0, 1, 0)."""
     result = classified([[0.7, 0.1, 0.2], [0.2, 0.2, 0.6]], simulated=1, class_prior="equal")
     scores = ph.score_probabilities(result, ["C1", "C2"])
@@ -44,7 +44,7 @@ def test_scores_of_two_units_by_hand():
     assert scores.attrs == {"simulated": 1, "prob": 0.95}
 
 
-def test_a_true_class_that_was_called_impossible_scores_minus_infinity():
+def test_true_class_of_probability_zero_has_log_score_minus_infinity():
     scores = ph.score_probabilities(classified([[1.0, 0.0], [0.5, 0.5]]), ["C2", "C1"])
     assert scores["log_score"].values.tolist() == [-np.inf, np.log(0.5)]
     assert scores["mean_log_score"].item() == -np.inf
@@ -54,7 +54,7 @@ def test_a_true_class_that_was_called_impossible_scores_minus_infinity():
     assert one["accuracy"].item() == 1 and np.isnan(one["accuracy_se"].item())
 
 
-def test_calibration_error_of_two_bins_by_hand():
+def test_calibration_error_of_two_bins_equals_the_value_computed_by_hand():
     """The upper bin holds 0.6, 0.8, 0.9 (two are right), the lower one 0.5, which is wrong.
 
     The calibration error is 3/4 · (23/30 - 2/3) + 1/4 · 0.5 = 0.2.
@@ -85,7 +85,7 @@ def test_empty_bins_are_nan_and_do_not_count():
     assert scores["bin_left"].values[1] == pytest.approx(0.1) == scores["bin_right"].values[0]
 
 
-def test_intervals_are_those_of_wilson():
+def test_frequency_intervals_are_wilson_intervals():
     """8 of 10 with 95 %: from 0.4902 to 0.9433 (Wilson 1927)."""
     truth = ["C1"] * 8 + ["C2"] * 2
     p = classified([[0.75, 0.25]] * 10)["class_probability"].T  # dimensions in any order
@@ -99,7 +99,7 @@ HALVES = classified([[0.5, 0.5]])
 NAMED = xr.DataArray([[0.5, 0.5]] * 2, {"unit": [1, 2], "class_label": ["A", "B"]})
 
 
-def test_wrong_input_is_an_error_that_names_the_unit():
+def test_wrong_input_is_refused_with_the_unit():
     for probability, truth, message in (
         (classified([[0.9, 0.2]]), ["C1"], "specimen 'S1', experiment 3: .*0.2"),
         (classified([[1.1, -0.1]]), ["C1"], "between 0 and 1 that add up to 1"),

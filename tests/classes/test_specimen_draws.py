@@ -41,7 +41,7 @@ def normal_factor(rng, size):
 
 
 def dense_density(x, location, spread, factor, within=None, effect=None):
-    """Log density of each draw: a normal one, summed over how much experiments differ."""
+    """Return the log density of each draw: normal, and summed over the experiment effect."""
     tests, root = x.shape[1], np.diag(spread) @ factor
     between = np.kron(np.ones((tests, tests)), root @ root.T)
     mean, rows = np.tile(location, tests), x.reshape(len(x), -1)
@@ -71,7 +71,7 @@ def test_density_of_several_tests_equals_the_joint_normal_density(size, tests):
 
 
 def test_density_without_experiment_effect_is_normal():
-    """Under each of many distributions, on average, and with a location moved by a covariate."""
+    """Cases: several distributions, their mean, one for each draw, and a covariate effect."""
     rng, count = np.random.default_rng(SEED), 6
     draws, x = random_draws(rng, 3, 1, 5)
     m, s = rng.normal(0, 0.3, (3, count)), rng.uniform(0.2, 0.6, (3, count))
@@ -121,7 +121,7 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     np.testing.assert_allclose(potential, expected, rtol=0, atol=2 * QUADRATURE_TOLERANCE)
 
 
-def test_first_draws_keep_the_total_weight_and_are_stored():
+def test_first_draws_keep_the_total_weight_and_survive_a_dataset():
     draws, _ = random_draws(np.random.default_rng(SEED), 2, 3, 40)
     half = draws.first(20)
     np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))

@@ -17,7 +17,7 @@ from pymc_hyperelastic.models.specimen_draws import log_densities
 
 SEED = 911
 # Repetitions: the standard deviation of 300 numbers is known to 4 %, and compared to 4 times that.
-REPEATED, OF_SPREAD = 300, 0.16
+REPEATED, SPREAD_TOLERANCE = 300, 0.16
 STANDARD_ERRORS = 4
 
 
@@ -28,13 +28,18 @@ def normal_classes(location, spread):
 
 
 def assert_spread(values, stated, truth):
-    """The values spread around the truth as is stated; a logarithm is biased by half a variance."""
-    np.testing.assert_allclose(np.sqrt(np.mean(np.square(stated))), np.std(values), rtol=OF_SPREAD)
+    """Compare the spread of values with the stated errors, and their mean with the truth.
+
+    A logarithm is biased by half of its variance.
+    """
+    np.testing.assert_allclose(
+        np.sqrt(np.mean(np.square(stated))), np.std(values), rtol=SPREAD_TOLERANCE
+    )
     error = np.std(values) / np.sqrt(len(values))
     assert abs(np.mean(values) - truth) < STANDARD_ERRORS * error + np.var(values) / 2
 
 
-def test_evidence_and_its_error_over_repeated_draws():
+def test_stated_evidence_error_equals_the_spread_over_repetitions():
     """A specimen with 2000 draws, and a class with 60 normal distributions."""
     rng = np.random.default_rng(SEED)
     values, stated = [], []
@@ -47,8 +52,8 @@ def test_evidence_and_its_error_over_repeated_draws():
     assert_spread(values, stated, truth)
 
 
-def test_few_of_many_equivalent_draws_are_enough():
-    """A precise specimen under 1000 distributions: some of its draws determine the evidence."""
+def test_using_a_subset_of_equal_draws_hardly_increases_the_error():
+    """A precise specimen under 1000 distributions: the evidence uses a subset of its draws."""
     rng = np.random.default_rng(SEED)
     location = rng.normal(0, 0.3, 1000)
     equal = np.full(2000, -np.log(2000))
@@ -62,7 +67,7 @@ def test_few_of_many_equivalent_draws_are_enough():
     assert abs(found.log_evidence.value - np.log(by_class.mean())) < STANDARD_ERRORS * error
 
 
-def test_an_evidence_states_its_method_and_the_larger_pareto_shape():
+def test_evidence_states_its_method_and_the_larger_pareto_shape():
     draws = known_specimen(np.random.default_rng(SEED), 0.0, 1.0)
     of_class = normal_classes([0.0], 0.9)
     alone = specimen_evidence(draws, of_class)
@@ -81,7 +86,7 @@ def test_an_evidence_states_its_method_and_the_larger_pareto_shape():
     assert specimen_evidence(draws, normal_classes([5.0], 0.1)).pareto_k == np.inf
 
 
-def test_stated_variance_of_a_class_over_repeated_draws():
+def test_stated_variance_of_a_class_evidence_equals_the_spread_over_repetitions():
     """The evidence uses 128 draws of a specimen; all 2000 draws estimate its variance."""
     rng, values, stated = np.random.default_rng(SEED), [], []
     locations = np.linspace(-1, 1, 21)
@@ -99,7 +104,7 @@ def test_stated_variance_of_a_class_over_repeated_draws():
 
 
 def test_errors_of_weights_add_to_the_variance():
-    """Half of the draws count under the first distribution, and all under the second one."""
+    """Half of the draws have a weight under the first distribution, and all under the second."""
     half = np.where(np.arange(100) < 50, 0.0, -np.inf)
     shares = np.where(np.arange(100) < 50, 0.015, 0.005)
     expected = 0.1**2 + (100 * np.sum(shares**2) - 1) * (1 / 20 + 0.1**2)

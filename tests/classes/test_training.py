@@ -22,7 +22,7 @@ def renamed(data, *names):
     ],
     ids=["as they are", "other name and every second point", "converted units"],
 )
-def test_training_data_are_recognised(classes, change):
+def test_training_curve_is_refused_as_new_data(classes, change):
     seen = ph.select(TRAINING["stiff"], specimen="B2", experiment=2)
     with pytest.raises(ValueError, match=r"in .* class 'stiff', as specimen 'B2', experiment 2"):
         check_new(change(seen), classes.children, fresh=True)
@@ -38,8 +38,8 @@ def test_one_training_experiment_among_new_ones_is_refused(classes):
         classify(mixed, classes)
 
 
-def test_other_experiments_on_a_training_specimen_are_doubtful(classes):
-    """With variability every new specimen counts as a fresh draw from its class."""
+def test_other_experiments_on_a_training_specimen_warn(classes):
+    """If specimens differ, each new specimen counts as an independent draw from its class."""
     again = curves({"A2": [38.0]}, 3)
     with pytest.warns(UserWarning, match=r"\['A2'\] of class 'soft', whose other") as caught:
         classify(again, classes)
@@ -49,7 +49,7 @@ def test_other_experiments_on_a_training_specimen_are_doubtful(classes):
         check_new(again, classes.children, fresh=False)
 
 
-def test_copies_of_specimens_that_are_left_out_are_refused():
+def test_copy_of_a_left_out_specimen_is_refused_unless_left_out_together():
     """A curve under two names would be in the training data; both may be left out together."""
     data = {"soft": TRAINING["soft"], "stiff": renamed(TRAINING["soft"], "B1", "B2", "B3")}
     with pytest.raises(ValueError, match=r"specimen 'A1', .* under the specimen 'B1' as well"):

@@ -1,4 +1,4 @@
-"""P-values: whether a specimen could be one of a class at all."""
+"""P-values of the hypothesis that a specimen belongs to a class."""
 
 from dataclasses import replace
 
@@ -37,8 +37,8 @@ def drawn(centre, scatter=None, tests=1, log_size=None):
 
 
 @pytest.mark.parametrize(("left", "known"), [((0.05, 0.3), 2), ((0.05, 0.8), 1), ((0.6, 0.7), 0)])
-def test_typical_p_value_of_normal_distributions(left, known):
-    """Directions whose variance the curves do not even halve are left out.
+def test_typical_p_value_equals_closed_form_of_normal_distributions(left, known):
+    """Directions are left out if the data reduce their variance by less than half.
 
     The posterior mean of a specimen x of the class is normal: around m + A (x - m) with covariance
     S Aᵀ, where S is the posterior covariance, A = 1 - S Σ⁻¹, and the reference is N(m, Σ).
@@ -57,7 +57,7 @@ def test_typical_p_value_of_normal_distributions(left, known):
     )
     gain, root = np.eye(2) - posterior @ np.diag(width**-2.0), np.diag(spread) @ factor
     covariance = gain @ root @ root.T @ gain.T + posterior @ gain.T
-    # Along the directions of the whitened posterior that count.
+    # Only along the directions of the whitened posterior that are kept.
     whiten = (turned.T / width)[:known]
     apart = whiten @ (mean - middle - gain @ (location - middle))
     squared = apart @ np.linalg.solve(whiten @ covariance @ whiten.T, apart)
@@ -67,7 +67,7 @@ def test_typical_p_value_of_normal_distributions(left, known):
 
 
 @pytest.mark.parametrize("ratio", [12.0, 0.01])
-def test_differences_between_experiments_count_too(ratio):
+def test_typical_p_value_includes_the_scatter_between_experiments(ratio):
     """Three tests known exactly: their scatter is ω² χ² of two degrees of freedom."""
     tests, within, exact = 3, 0.1, exactly([0.0], [[1e-6]])
     reference = ClassDistribution(np.zeros(1), np.ones(1), np.eye(1), np.full(1, 0.3), 1.0)
@@ -80,15 +80,15 @@ def test_differences_between_experiments_count_too(ratio):
         np.random.default_rng(SEED),
     )
     wall = 2 * stats.norm.sf(0.5 / np.sqrt(0.3**2 + within**2 / tests))
-    # The mean of the logarithm of χ², and numbers as far from it on either side.
+    # The mean of ln χ², and the values at the same distance from it on both sides.
     chi2, middle = stats.chi2(2), np.log(2) - np.euler_gamma
     apart = abs(np.log(ratio) - middle)
     between = chi2.sf(np.exp(middle + apart)) + chi2.cdf(np.exp(middle - apart))
     assert found == pytest.approx(1 - (1 - min(wall, between)) ** 2, abs=TOLERANCE)
 
 
-def test_noise_p_value_of_normal_distributions():
-    """One-sided, and of two noises the smaller one counts, corrected for the choice."""
+def test_noise_p_value_equals_closed_form_of_normal_distributions():
+    """The p-value is one-sided; the smaller one of two noises is corrected for the choice."""
     prior, width = np.array([-1.0, 0.5]), np.array([0.8, 0.6])
     means, errors = np.array([-0.9, 0.55]), np.array([0.2, 0.3])
     location, spread = np.array([-1.3, 0.3]), np.array([0.25, 0.2])
@@ -107,8 +107,8 @@ def test_noise_p_value_of_normal_distributions():
     assert np.isnan([typicality.either(np.nan, 0.01), typicality.either(0.01, np.nan)]).all()
 
 
-def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
-    """The class's own misfit counts, unless it is smaller than the noise predicts."""
+def test_misfit_p_value_is_the_tail_of_a_ratio_of_two_chi_squares():
+    """The misfit of the class is the reference, unless it is smaller than the noise predicts."""
     rng = np.random.default_rng(SEED)
     draws = replace(drawn(np.zeros((1, 1))), misfit=25.0, freedom=10.0)
     freedom = np.array([20.0, 30.0])
@@ -123,7 +123,7 @@ def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
 
 
 # Changes of the pressures of a specimen with a modulus of 38 kPa; classes have 30 to 110 kPa.
-STRANGE = {
+CHANGES = {
     "hundred times too soft": lambda p: p / 100,
     "falling": lambda p: p[::-1],
     "twenty times too stiff": lambda p: 20 * p,
@@ -133,13 +133,13 @@ STRANGE = {
 
 
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
-def test_strange_specimens_are_of_no_class(classes):
-    """Walls that are far too soft or stiff are not typical, and other curves do not fit."""
-    data = curves({name: [38.0] for name in STRANGE}, 3)
-    pressure = data["pressure"].values.reshape(len(STRANGE), -1)
-    data["pressure"][:] = np.ravel([f(p) for f, p in zip(STRANGE.values(), pressure, strict=True)])
+def test_implausible_specimens_are_assigned_to_no_class(classes):
+    """Walls that are too soft or stiff are not typical; falling or shifted curves do not fit."""
+    data = curves({name: [38.0] for name in CHANGES}, 3)
+    pressure = data["pressure"].values.reshape(len(CHANGES), -1)
+    data["pressure"][:] = np.ravel([f(p) for f, p in zip(CHANGES.values(), pressure, strict=True)])
     result = classify(data, classes, none_below=NONE_BELOW)
-    expected = ["none of these"] * (len(STRANGE) - 1) + ["soft"]
+    expected = ["none of these"] * (len(CHANGES) - 1) + ["soft"]
     assert result["decision"].values.tolist() == expected
     typical, fit = (result[f"{name}_p_value"].values for name in ("typical", "fit"))
     assert typical[0].max() < NONE_BELOW < fit[0].min()

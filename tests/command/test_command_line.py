@@ -58,13 +58,13 @@ def table(tmp_path_factory):
     return path
 
 
-def test_check_prints_what_it_understands_and_draws_the_curves(run, table, tmp_path):
+def test_check_prints_how_files_were_read_and_draws_the_curves(run, table, tmp_path):
     printed = run("check", table, "--figure", tmp_path / "curves.png")
     assert "mmHg" in printed
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
-# NeoHookean is no law of these arteries, and their specimens differ.
+# NeoHookean does not fit these arteries, and their specimens differ.
 MISFIT = pytest.mark.filterwarnings("ignore:.*the best curve is further from the data")
 
 
@@ -87,7 +87,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     result = ph.open_result(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
-    # Another fit replaces the first one only if it is asked to.
+    # Another fit replaces the first one only with --overwrite.
     fit = ["fit", table, *settings, "--chains", "1", "--quiet", "--out", study, "--draws"]
     with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
         run(*fit, "120")
@@ -106,7 +106,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
 
 
 @MISFIT
-def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
+def test_interrupted_fit_exits_with_130_and_keeps_the_old_result(
     run, table, tmp_path, monkeypatch, capsys
 ):
     interrupt(monkeypatch, pooled, "run_smc", call=2)
@@ -124,7 +124,7 @@ def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
 # Some draws of these small classes have walls that cannot bear the pressure.
 @pytest.mark.filterwarnings("ignore:.*of its specimens have no")
 @pytest.mark.deep
-def test_compare_reports_differences_of_groups(run, table, tmp_path):
+def test_compare_command_stores_and_reports_differences_of_groups(run, table, tmp_path):
     """By default specimens of a class differ, and the noise is inferred."""
     study = tmp_path / "study"
     run("fit", table, "--draws", "500", "--chains", "1", "--quiet", "--out", study)
@@ -137,14 +137,14 @@ def test_compare_reports_differences_of_groups(run, table, tmp_path):
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_settings_file_may_state_the_likelihood(run, table, tmp_path):
+def test_likelihood_is_read_from_the_settings_file(run, table, tmp_path):
     settings = tmp_path / "study.toml"
     settings.write_text('[likelihood]\npressure_sd = "5"\n')
     with pytest.raises(SystemExit, match=r"likelihood\.pressure_sd is '5'; expected a number"):
         run("fit", table, settings)
 
 
-def test_sizes_of_errors_are_converted_to_units_of_the_package():
+def test_sizes_of_errors_are_converted_to_internal_units():
     assert size_of("--pressure-sd", "2 mmHg", "pressure") == pytest.approx(2 * ph.mmHg)
     assert size_of("--diameter-sd", " 5e1 um ", "length") == pytest.approx(0.05)
     data = ph.load_dataset("simulated_sheep_aorta")
@@ -201,7 +201,7 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
         (["check", "FILE", "--figure", "."], "--figure is '.'; expected a file"),
     ],
 )
-def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_path):
+def test_wrong_input_ends_with_one_message_that_names_it(words, message, run, table, tmp_path):
     names = {"FILE": table, "OUT": tmp_path / "out"}
     with pytest.raises(SystemExit) as ended:
         run(*(names.get(word, word) for word in words))
@@ -209,7 +209,7 @@ def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_
     assert message in str(ended.value)
 
 
-def test_a_closed_pipe_ends_the_command_silently(run, table, tmp_path, monkeypatch, capsys):
+def test_closed_pipe_ends_the_command_without_a_message(run, table, tmp_path, monkeypatch, capsys):
     def closed(*_, **__):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
@@ -221,7 +221,7 @@ def test_a_closed_pipe_ends_the_command_silently(run, table, tmp_path, monkeypat
     assert ended.value.code == 1 and not capsys.readouterr().err
 
 
-def test_a_home_that_cannot_be_written_is_a_message_that_says_what_to_set(
+def test_cache_folder_that_cannot_be_written_is_reported_with_what_to_set(
     run, table, tmp_path, monkeypatch
 ):
     def read(*_):
@@ -239,18 +239,18 @@ def test_python_m_runs_the_command(monkeypatch, capsys):
     assert "classify" in capsys.readouterr().out
 
 
-def test_an_unknown_command_is_reported_on_stderr(run, capsys):
+def test_unknown_command_is_reported_on_stderr(run, capsys):
     with pytest.raises(SystemExit) as ended:
         run("chekc")
     assert ended.value.code == 2
     assert "No such command" in capsys.readouterr().err
 
 
-def test_version_is_that_of_the_package(run):
+def test_version_option_prints_the_package_version(run):
     assert run("--version") == f"pymc-hyperelastic {version('pymc-hyperelastic')}\n"
 
 
-def test_text_that_a_spreadsheet_would_compute_is_marked(run, table, tmp_path, monkeypatch):
+def test_text_that_a_spreadsheet_would_evaluate_is_quoted(run, table, tmp_path, monkeypatch):
     names = ["=1+1", "-A", "+A", "@A", "S1"]
     decisions = xr.Dataset(
         {

@@ -1,4 +1,4 @@
-"""Tables in files, which tests of read_tests write and read."""
+"""A function that writes tables and reads them with read_tests."""
 
 import pytest
 import xarray as xr

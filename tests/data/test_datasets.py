@@ -1,4 +1,4 @@
-"""The shipped datasets agree with their sources, and simulated data say that they are."""
+"""The shipped datasets agree with their sources, and simulated data are labelled as simulated."""
 
 import io
 from importlib.resources import files
@@ -43,7 +43,7 @@ def test_unknown_dataset_is_refused_with_the_known_names():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_shipped_data_are_sound_and_survive_a_file(name, tmp_path):
+def test_shipped_data_are_valid_and_survive_a_file(name, tmp_path):
     data = load_dataset(name)
     check_inflation_data(data)
     texts = [data.attrs[key] for key in ("title", "description", "source")]
@@ -55,7 +55,7 @@ def test_shipped_data_are_sound_and_survive_a_file(name, tmp_path):
     xr.testing.assert_identical(loaded, data)
 
 
-def test_script_reproduces_the_numbers_of_the_file():
+def test_script_reproduces_the_numbers_of_the_simulated_study():
     written = pd.read_csv(io.StringIO(simulate_sheep_aorta.csv_text()), comment="#")
     shipped = pd.read_csv(str(SHIPPED), comment="#")
     data = load_dataset("simulated_sheep_aorta")
@@ -77,14 +77,14 @@ def test_simulated_study_has_five_specimens_of_three_experiments_of_20_points():
 
 
 @pytest.mark.parametrize("group", ["control", "hypertensive"])
-def test_murine_data_are_the_published_numbers_of_a_wall_that_keeps_its_area(group):
+def test_murine_data_equal_published_diameters_and_wall_areas(group):
     data = select(load_dataset("murine_pulmonary_artery"), group=group)
     readings = np.arange(0, 55, 5) * mmHg
     np.testing.assert_allclose(data["pressure"], readings, rtol=ROUNDING)
     radius, diameter = data["radius"].values * 1e3, np.array(OUTER_DIAMETER[group])
     area = np.pi * ((diameter / 2) ** 2 - radius**2)
     np.testing.assert_allclose(area, WALL_AREA[group], rtol=WALL_AREA_ROUNDING)
-    # The tube without load is that of the first reading.
+    # The first reading defines the unloaded tube.
     tube = [data[name].item() for name in GEOMETRY]
     expected = [radius[0] / 1e3, diameter[0] / 2000, 1.0, 0.0]
     np.testing.assert_allclose(tube, expected, rtol=ROUNDING)

@@ -42,7 +42,7 @@ def build(frame, **arguments) -> xr.Dataset:
     return ph.inflation_data(frame, **tables.with_tube(known | arguments))
 
 
-def test_held_stretches_lie_on_the_tests_also_where_they_are_rounded():
+def test_constant_stretch_is_a_value_of_the_test_despite_rounding():
     frame = pd.concat([inflation(), inflation(1.4, 3)], ignore_index=True)
     data = build(frame)
     assert data["axial_stretch"].dims == ("test",)
@@ -54,7 +54,7 @@ def test_held_stretches_lie_on_the_tests_also_where_they_are_rounded():
     assert extension_tests(build(frame, check="ignore")).tolist() == [True, False]
 
 
-def test_every_point_has_the_stretch_of_its_row_where_one_test_is_an_extension():
+def test_stretch_is_a_value_of_each_point_if_one_test_is_an_extension_test():
     frame = both()
     data = build(frame)
     check_inflation_data(data)
@@ -71,14 +71,14 @@ def test_internal_radius_depends_on_the_stretch_of_its_point():
     np.testing.assert_allclose(data["radius"] ** 2, 121 - (81 - 49) / STRETCH, rtol=1e-14)
 
 
-def test_selected_tests_are_those_of_a_table_without_the_others():
+def test_selecting_inflation_tests_equals_a_table_of_them_alone():
     data = build(both())
     of_two = ph.select(data, experiment=[2, 3])
     alone = pd.concat([inflation(axial_force=np.nan), inflation(1.4, 3)], ignore_index=True)
     xr.testing.assert_identical(of_two.drop_vars("row"), build(alone).drop_vars("row"))
 
 
-def test_points_in_order_of_stretch_stay_whatever_radius_and_pressure_do():
+def test_points_in_order_of_stretch_keep_their_order():
     for stretch in (STRETCH, STRETCH[::-1], STRETCH + np.resize([0, 0.02, -0.02], 9)):
         frame = extension(stretch)
         assert build(frame)["row"].values.tolist() == frame.index.tolist()
@@ -93,7 +93,7 @@ def test_shuffled_points_are_sorted_by_stretch_with_a_warning():
     np.testing.assert_array_equal(data["radius"].values, frame["radius"].values[rows])
 
 
-def test_pulling_and_letting_go_have_to_be_two_tests():
+def test_stretching_and_releasing_in_one_test_are_refused():
     back = extension(STRETCH[-2::-1], axial_force=10.0)
     frame = pd.concat([extension(phase="pull"), back.assign(phase="back")], ignore_index=True)
     expected = rf"{S1E1}, row 9: axial_stretch turns back.*'phase'.*sort_values\('axial_stretch'\)"
@@ -104,7 +104,7 @@ def test_pulling_and_letting_go_have_to_be_two_tests():
     assert back.values.tolist() == STRETCH[-2::-1].tolist()
 
 
-def test_a_point_repeats_another_if_stretch_radius_pressure_and_force_do():
+def test_points_equal_in_stretch_radius_pressure_and_force_are_refused():
     build(extension(np.repeat(STRETCH[:3], 3), radius=np.linspace(7.4, 7.0, 9)))
     build(extension(radius=7.3, pressure=10.0, axial_force=5.0))
     frame = pd.concat([extension(), extension().iloc[[4]]], ignore_index=True)
@@ -113,7 +113,7 @@ def test_a_point_repeats_another_if_stretch_radius_pressure_and_force_do():
         build(frame)
 
 
-def test_a_stretch_that_differs_in_few_rows_is_doubted():
+def test_stretch_that_differs_in_few_rows_of_a_test_warns():
     frame = inflation()
     frame.loc[3, "stretch"] = 3.1
     expected = r"experiment 2, row 3: axial_stretch is 3.1 here and 1.3 in 4 of the 5 rows"
@@ -123,14 +123,14 @@ def test_a_stretch_that_differs_in_few_rows_is_doubted():
         build(frame)
     assert {w.filename for w in warned} == {__file__}
     assert extension_tests(build(frame, check="ignore")).all()
-    # A stretch may be that of half of the rows, or of one of two rows.
+    # Half of the rows, or one of two rows, may share a stretch.
     for stretch in ([1.3, 1.3, 1.4, 1.5], [1.3, 1.4]):
         frame = inflation(np.array(stretch), points=len(stretch))
         assert extension_tests(build(frame, check="raise")).all()
 
 
-def test_a_stretch_that_varies_by_less_than_one_per_cent_is_doubted():
-    """Its mean is proposed, and the order of the rows is that of an inflation test."""
+def test_stretch_that_varies_by_less_than_one_per_cent_warns():
+    """The warning proposes the mean, and the rows keep their order as in an inflation test."""
     frame = inflation(1.3 * (1 - 0.0101 * np.linspace(0, 1, 5)))
     assert extension_tests(build(frame, check="raise")).all()
     frame = inflation(1.3 * (1 - 0.0099 * np.array([0.0, 0.5, 1.0, 0.3, 0.6])))
@@ -149,7 +149,7 @@ def test_impossible_stretch_is_refused_with_row_and_value():
 
 
 @pytest.mark.parametrize(("stretch", "why"), [(3.0, "at most 2.5"), (0.3, "at least 0.8")])
-def test_stretches_that_no_tube_has_are_doubted_at_either_end_of_a_test(stretch, why):
+def test_implausible_stretch_at_the_end_of_an_extension_test_warns(stretch, why):
     frame = extension(np.linspace(1.2, stretch, 9), radius=7.5)
     with pytest.warns(UserWarning, match=f"{S1E1}: axial_stretch is {stretch:g}; expected {why}"):
         build(frame)

@@ -1,4 +1,4 @@
-"""Random changes of files give sound data, or one error that names the file or the settings."""
+"""Random changes of files give valid data, or one error that names the file or the settings."""
 
 import os
 import tempfile
@@ -122,7 +122,7 @@ def is_sound_or_refused(contents: list[bytes], settings: dict | None) -> bool:
 
 
 @pytest.mark.parametrize("cases", [FIRST_TIER, *deep([SECOND_TIER])])
-def test_nearly_right_tables_give_sound_data_or_an_error_that_names_its_place(cases):
+def test_randomly_changed_tables_give_valid_data_or_an_error_with_its_place(cases):
     outcomes = set()
 
     @given(st.lists(nearly_right(), min_size=1, max_size=2), st.one_of(st.none(), SECTIONS))

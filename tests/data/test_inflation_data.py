@@ -47,7 +47,7 @@ def test_dataset_has_the_documented_variables_units_and_labels():
     assert tube == [[7.0] * 3, [9.0] * 3, [1.0] * 3, [0.0] * 3]
 
 
-def test_points_of_scattered_rows_are_gathered_with_all_that_was_measured_at_them():
+def test_scattered_rows_of_a_test_are_gathered_with_diameters_and_forces():
     frame = with_diameters(axial_force=FORCES).loc[SCATTERED]
     data = by_diameter(frame, force_unit="uN")
     assert data["specimen"].values.tolist() == ["S2", "S1", "S1"]
@@ -79,7 +79,7 @@ def test_integer_labels_of_experiments_stay_integers_and_specimens_become_text()
         assert build(curve(experiment=label))["experiment"].dtype.kind == kind
 
 
-def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diameter():
+def test_internal_radius_follows_from_outer_diameter_and_wall_volume():
     frame = with_diameters(np.array([20.0, 22.0, 20.4, 22.4, 19.8, 21.0]) * 1000)
     tube = {"inner_radius": 7000.0, "outer_radius": 9000.0, "axial_stretch": "stretch"}
     units = {"radius_unit": "um", "angle_unit": "deg"}
@@ -96,7 +96,7 @@ def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diame
 
 
 @pytest.mark.parametrize("name", GEOMETRY_NAMES)
-def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name):
+def test_unknown_geometry_gives_nan_radii_under_measured_diameters(name):
     data = by_diameter(with_diameters(axial_force=FORCES), **{name: np.nan})
     check_inflation_data(data)
     assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
@@ -107,7 +107,7 @@ def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name):
     np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
 
 
-def test_errors_of_the_tube_are_converted_as_the_tube_is():
+def test_errors_of_the_tube_are_converted_to_internal_units():
     frame = good_frame().assign(error=[0.1, 0.1, 0.2, 0.2, 0.3, 0.3])
     frame["radius"] *= 1000
     ring = {"radii_of": "ring", "convention": "fung", "angle_unit": "deg"}
@@ -126,7 +126,7 @@ def test_errors_of_the_tube_are_converted_as_the_tube_is():
     assert data["opening_angle_sd"].values.tolist() == [0.1] * 3
 
 
-def test_values_of_tests_are_repeated_at_their_points():
+def test_at_points_repeats_values_of_tests_and_points_of_finds_their_slices():
     frame = good_frame().assign(A=[7.0, 7.0, 6.5, 6.5, 7.1, 7.1])
     data = build(frame, inner_radius="A")
     assert at_points(data, "inner_radius").tolist() == frame["A"].tolist()
@@ -136,7 +136,7 @@ def test_values_of_tests_are_repeated_at_their_points():
 
 
 RADIUS, PRESSURE = curve()["radius"].to_numpy(), curve()["pressure"].to_numpy()
-ODD = {
+UNUSUAL = {
     "exponents as text": curve(pressure=[f"{p:e}" for p in PRESSURE]),
     "decimals": curve(pressure=[decimal.Decimal(str(p)) for p in PRESSURE]),
     "single precision": curve(radius=RADIUS.astype(np.float32)),
@@ -148,13 +148,13 @@ ODD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("form", ODD)
-def test_odd_but_right_tables_are_taken_without_a_warning_and_survive_a_file(form, tmp_path):
+@pytest.mark.parametrize("form", UNUSUAL)
+def test_unusual_but_valid_tables_are_read_without_a_warning(form, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        data = build(ODD[form])
+        data = build(UNUSUAL[form])
     check_inflation_data(data)
-    assert data.sizes["obs"] == len(ODD[form])
+    assert data.sizes["obs"] == len(UNUSUAL[form])
     for name, expected in (("radius", RADIUS), ("pressure", PRESSURE)):
         repeated = np.resize(expected, data.sizes["obs"])
         np.testing.assert_allclose(data[name], repeated, rtol=SINGLE, err_msg=name)

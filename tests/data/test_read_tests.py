@@ -1,4 +1,4 @@
-"""read_tests understands the files of laboratories, or refuses them with all that is wrong.
+"""read_tests reads the files of laboratories, or refuses them with a list of all problems.
 
 The files are in ``messy/``. Their numbers in kPa and mm are written out here by hand.
 """
@@ -97,7 +97,7 @@ REFUSED = {
         r"line 7: 'pressure_kPa' is missing \('-'\)", r"line 8: 'pressure_kPa' is missing \('NaN'",
         "line 8: 'outer_radius_mm' is missing",
     ]),
-    "a specimen under two names": ("copied_a.csv copied_b.csv", [COPIED]),
+    "equal points under two names": ("copied_a.csv copied_b.csv", [COPIED]),
     "unknown names": ("unicode.csv", [
         r"^unicode\.csv has 'Probe', .*'λz', and no column specimen, no column experiment, "
         r"no column radius or outer_diameter: .*columns\.specimen .*\(specimen may be called",
@@ -111,28 +111,36 @@ REFUSED = {
         "line 3: .*" + EITHER.format("6,500", "6500", "6.500"),
     ]),
     "names and units only": ("header_only_units.csv", ["ends with the names .* line 2; expected"]),
-    "nothing": ("empty.csv", [r"^empty\.csv is empty; expected a line with the names of columns"]),
-    "no text": ("binary.csv", [r"^binary\.csv is not a text file"]),
+    "empty file": (
+        "empty.csv", [r"^empty\.csv is empty; expected a line with the names of columns"],
+    ),
+    "binary file": ("binary.csv", [r"^binary\.csv is not a text file"]),
     "a spreadsheet": ("by_mistake.xlsx", [r"is a spreadsheet \(.xlsx, .*\).*export .*CSV"]),
-    "two names": ("column_twice.csv", [r"1: 'pressure \[mmHg\]' and 'P \(kPa\)' are both"]),
-    "two units": ("two_units.csv", ["1: 'pressure' has .* mmHg in lines 2, 3, kPa in lines 4, 5"]),
-    "text": ("text_in_numbers.csv", [
+    "pressure column twice": (
+        "column_twice.csv", [r"1: 'pressure \[mmHg\]' and 'P \(kPa\)' are both"],
+    ),
+    "two units in a column": (
+        "two_units.csv", ["1: 'pressure' has .* mmHg in lines 2, 3, kPa in lines 4, 5"],
+    ),
+    "text in columns of numbers": ("text_in_numbers.csv", [
         r"line 3: 'radius_mm' is '8\.0 \?', not a number", "line 4: 'radius_mm' is '#DIV/0!', not",
         "line 2: 'pressure_kPa' is 'low', not a number",
         "line 5: 'pressure_kPa' is '11,0', not a number with decimal points",
         "line 6: 'pressure_kPa' is '1e15', larger than any measurement",
     ]),
-    "dates": ("dates.csv", [
+    "dates in columns of numbers": ("dates.csv", [
         f"line {i}: 'radius_mm' is '{cell}', a date"
         for i, cell in enumerate(["07. Feb", r"08\.01\.2024", "Sep 03", "2024-03-09"], start=2)
     ]),
-    "cells": ("too_many_cells.csv", ["line 2: there are 6 cells, and 4 names of .* in line 1"]),
+    "too many cells in a row": (
+        "too_many_cells.csv", ["line 2: there are 6 cells, and 4 names of .* in line 1"],
+    ),
     "quotation mark": ("quotation.csv", ["line 2: a quotation mark opens .* closed in line 3, if"]),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("files, problems", REFUSED.values(), ids=REFUSED)
-def test_message_lists_every_problem_with_file_line_column_and_cell(files, problems):
+def test_refusal_lists_every_problem_with_file_line_column_and_cell(files, problems):
     settings = {"radius_unit": "mm"} if files == "no_names.csv" else None
     lines = message_of(read, files, settings).splitlines()
     if len(problems) > 1:
@@ -143,7 +151,7 @@ def test_message_lists_every_problem_with_file_line_column_and_cell(files, probl
         assert any(file in line for file in files.split())
 
 
-DOUBTED = {
+IMPLAUSIBLE = {
     "shuffled rows": (
         "unsorted.csv",
         r"^specimen 'S1', experiment 1, unsorted\.csv, line 4: radius turns back here.*sorted by",
@@ -156,8 +164,8 @@ DOUBTED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("file, doubt", DOUBTED.values(), ids=DOUBTED)
-def test_doubts_are_warned_of_raised_or_ignored(file, doubt):
+@pytest.mark.parametrize("file, doubt", IMPLAUSIBLE.values(), ids=IMPLAUSIBLE)
+def test_check_argument_warns_raises_or_ignores_implausible_data(file, doubt):
     with pytest.warns(UserWarning, match=doubt) as warned:
         data = read(file)
     assert len(warned) == 1 and warned[0].filename == __file__
@@ -165,7 +173,7 @@ def test_doubts_are_warned_of_raised_or_ignored(file, doubt):
     xr.testing.assert_identical(read(file, check="ignore"), data)
 
 
-def test_report_says_what_each_file_and_column_was_taken_for(tmp_path):
+def test_understood_attribute_says_how_each_file_and_column_was_read(tmp_path):
     data = read("points.csv specimens.csv")
     data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
     xr.testing.assert_identical(xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf"), data)
@@ -183,7 +191,7 @@ def test_report_says_what_each_file_and_column_was_taken_for(tmp_path):
         assert line in lines
 
 
-def test_units_that_are_in_some_cells_only_or_unknown_are_refused(written):
+def test_units_in_some_cells_only_or_unknown_units_are_refused(written):
     table = "specimen,experiment,radius_mm,pressure\nS1,1,7.2,10 mmHg\nS1,1,8.0,45\n"
     expected = "a.csv, line 1: 'pressure' is in mmHg in line 2, and has no unit in line 3: "
     assert message_of(written, table).startswith(expected)
@@ -194,7 +202,7 @@ def test_units_that_are_in_some_cells_only_or_unknown_are_refused(written):
     assert "'MPA' is no unit" in message_of(written, f"{HEAD.replace('kPa', '[MPA]')}\n{ROWS}")
 
 
-def test_the_same_points_are_refused_in_two_experiments_and_taken_in_two_cycles(written):
+def test_equal_points_are_refused_in_two_experiments_and_accepted_in_two_cycles(written):
     head = "id,test,cycle,radius_mm,p_kPa\n"
     one = "S1,1,{},7.2,1\nS1,1,{},7.8,3\nS1,1,{},8.4,6\n"
     data = written(head + one.format(1, 1, 1) + one.format(2, 2, 2))
@@ -202,13 +210,13 @@ def test_the_same_points_are_refused_in_two_experiments_and_taken_in_two_cycles(
     assert data.attrs["understood"].endswith("of these the last cycle of each, 3 points, is taken")
     data = read("copied_a.csv copied_b.csv", check="ignore")
     assert data["specimen"].values.tolist() == ["S1", "S2", "T7"]
-    # Two points may agree by chance, and a third differs in its last digit.
+    # Two equal points can occur by chance; the third point differs in its last digit.
     rows = [f"S{i},1,7.2,1\nS{i},1,7.8,3\nS{i},1,8.400{i},6\n" for i in (1, 2)]
     assert written(f"{HEAD}\n{''.join(rows)}").sizes["test"] == 2
 
 
-def test_problems_of_all_experiments_are_reported_at_once(written):
-    """Errors that differ in their test only are counted, and each wrong row is named."""
+def test_problems_of_all_experiments_are_reported_in_one_message(written):
+    """Equal problems of several tests are counted, and each wrong row is named."""
     head = f"{HEAD},inner_radius_mm,outer_radius_mm,thickness_sd_mm\n"
     up = [(7.2, 1.0), (8.4, 6.5), (9.0, 11.0), (7.8, 3.0)]
 
@@ -230,7 +238,7 @@ def test_problems_of_all_experiments_are_reported_at_once(written):
     assert lines[4].endswith(" (and so is 1 other)")
 
 
-def test_message_has_at_most_twenty_problems(written):
+def test_message_lists_at_most_twenty_problems(written):
     rows = [f"S1,1,{7 + i / 100},x{i}\n" for i in range(22)]
     lines = message_of(written, f"{HEAD}\n{''.join(rows[:20])}").splitlines()
     assert lines[0] == "20 problems:" and len(lines) == 21 and "x19" in lines[-1]
@@ -238,7 +246,7 @@ def test_message_has_at_most_twenty_problems(written):
     assert lines[0] == "22 problems:" and len(lines) == 22 and lines[-1] == "- and 2 more"
 
 
-def test_an_experiment_may_not_be_divided_between_files(written):
+def test_experiment_divided_between_files_is_refused(written):
     assert message_of(written, f"{HEAD}\n{ROWS}", f"{HEAD}\nS1,1,9.0,11\n").startswith(
         "a.csv, line 2 and b.csv, line 2: specimen 'S1', experiment 1 begins in several files: "
     )
@@ -257,7 +265,7 @@ def test_tables_of_specimens_are_joined_by_equal_labels(written):
         assert re.search(expected, message_of(written, points, *tables))
 
 
-def test_columns_that_state_the_same_twice_are_refused_until_one_is_ignored(written):
+def test_redundant_columns_are_refused_until_one_is_ignored(written):
     table = "id,test,radius_mm,p_kPa,inner_radius_mm,outer_radius_mm,thickness_mm,length_mm\n"
     table += "S1,1,7.2,1,7,9,2,30\n"
     expected = "a.csv: the tube without load is stated by inner_radius, outer_radius, thickness, wh"
@@ -277,7 +285,9 @@ FORMS = list(zip(ENCODINGS, ",;\t;,", ["\n", "\r\n", "\r", "\n", "\r\n"], strict
 
 
 @pytest.mark.parametrize("encoding, separator, end", FORMS, ids=ENCODINGS)
-def test_encoding_separator_and_line_ends_change_nothing(encoding, separator, end, tmp_path):
+def test_encoding_separator_and_line_ends_do_not_change_the_data(
+    encoding, separator, end, tmp_path
+):
     lines = ["# 37 °C", "id,test,radius (µm),p [mmHg],Öffnung", "Ü1,1,7200,10,x"]
     lines += ["", "Ü1,1,8e3,45,"]
     path = tmp_path / "a.txt"
@@ -288,10 +298,10 @@ def test_encoding_separator_and_line_ends_change_nothing(encoding, separator, en
     assert data["row"].values.tolist() == ["a.txt, line 3", "a.txt, line 5"]
 
 
-def test_lines_and_marks_that_spreadsheets_write(written):
+def test_lines_that_spreadsheets_add_are_understood(written):
     data = written("sep=;\nid;test;radius, mm;p, kPa\nS1;1;7,2;1,5\n")
     assert data["radius"].item() == 7.2 and data["row"].item() == "a.csv, line 3"
-    # A vertical tab is a blank line, and a nought before a comma is no thousand.
+    # After a leading zero a comma is a decimal comma, and does not separate thousands.
     assert message_of(written, "\n").startswith("a.csv is empty")
     data = written(f"{HEAD}\nS1,1,0.750,1.000\n".replace(",", "\t").replace(".", ","))
     assert data["radius"].item() == 0.75 and data["pressure"].item() == 1.0
@@ -301,7 +311,7 @@ def test_lines_and_marks_that_spreadsheets_write(written):
     assert "  not used: '#', a column without a name\n" in data.attrs["understood"]
 
 
-def test_paths_are_given_once(tmp_path):
+def test_one_path_or_several_are_accepted_and_duplicates_refused(tmp_path):
     table, toml = tmp_path / "a.csv", tmp_path / "study.toml"
     table.write_text(f"{HEAD}\n{ROWS}")
     toml.write_text("")
@@ -322,8 +332,8 @@ def test_paths_are_given_once(tmp_path):
         ph.read_tests(table, check="no")
 
 
-def test_a_file_whose_name_is_no_utf8_is_read(tmp_path):
-    """As archives of other systems unpack them."""
+def test_file_whose_name_is_not_utf8_is_read(tmp_path):
+    """Archives from other systems contain such names."""
     path = tmp_path / os.fsdecode(b"\xdc.csv")
     try:
         path.write_text(f"{HEAD}\n{ROWS}")
@@ -332,7 +342,7 @@ def test_a_file_whose_name_is_no_utf8_is_read(tmp_path):
     assert ph.read_tests(path)["row"].values[0] == r"\udcdc.csv, line 2"
 
 
-def test_guide_states_all_names_and_units_and_its_settings_are_right():
+def test_guide_states_all_names_and_units_and_valid_settings():
     page = PAGE.read_text(encoding="utf-8")
     for name in IN_TABLES:
         if name.endswith("_sd"):
@@ -347,8 +357,8 @@ def test_guide_states_all_names_and_units_and_its_settings_are_right():
     assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"] == 0.45
 
 
-def test_a_name_with_two_meanings_is_a_question(written):
-    """Pressure myographs call the inner diameter ID, and tables of specimens their label."""
+def test_ambiguous_column_name_is_refused_until_settings_say_its_meaning(written):
+    """ID is the inner diameter in tables of myographs, and the label in tables of specimens."""
     tube = {"constants": {"inner_radius_um": 45, "outer_radius_um": 65}}
     myograph = "ID,OD,P [mmHg],experiment\n101,140,20,1\n118,152,40,1\n"
     message = message_of(written, myograph, settings={"radius_unit": "um", **tube})
@@ -361,25 +371,25 @@ def test_a_name_with_two_meanings_is_a_question(written):
     assert written(f"{HEAD}\n{ROWS}".replace("specimen", "ID"))["specimen"].item() == "S1"
 
 
-def test_a_number_sign_begins_a_remark_above_the_names_and_a_label_below(written):
+def test_number_sign_begins_a_remark_above_the_names_and_a_label_below(written):
     data = written(f"# a remark, with commas\n{HEAD}\n#1,1,7.2,1.0\n# a pause\n#1,1,8.4,6.5\n")
     assert data["specimen"].item() == "#1" and data.sizes["obs"] == 2
-    # As numpy.savetxt writes names.
+    # numpy.savetxt writes the names in this form.
     assert written(f"# {HEAD}\n{ROWS}").equals(written(f"{HEAD}\n{ROWS}"))
 
 
-def test_labels_that_look_alike_are_the_same(written):
+def test_labels_that_differ_in_invisible_characters_are_equal(written):
     table = f"{HEAD}\nS\u00a01\u200b,1,7.2,1.0\nS 1,1,8.4,6.5\n"
     assert written(table)["specimen"].item() == "S 1"
 
 
 @pytest.mark.parametrize("character", ["\x0c", "\x0b", "\x00", "\ufffe", "\uffff"])
-def test_characters_that_no_report_can_hold_are_refused(character, written):
+def test_control_characters_in_labels_are_refused(character, written):
     message = message_of(written, f"{HEAD}\n{ROWS}".replace("S1,1,8", f"S{character}1,1,8"))
     assert f"a.csv, line 3: there is a character {character!a}" in message
 
 
-def test_messages_name_the_mistake_and_what_to_do(written, tmp_path):
+def test_unreadable_input_is_refused_with_what_to_do(written, tmp_path):
     below = "1,2,3\n4,5,6\n"
     for table, words in (
         (f"=== log ===,,\n{below}", "line 1: '=== log ===' stands alone"),

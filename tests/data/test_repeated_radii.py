@@ -1,4 +1,4 @@
-"""Radii that repeat have no slopes between them, which errors name row by row."""
+"""Repeated radii have no slopes between them; errors name the rows."""
 
 import mpmath as mp
 import numpy as np
@@ -18,7 +18,7 @@ RADIUS = curve()["radius"].to_numpy()
 
 @pytest.mark.parametrize("step", [0.0, 1e-15, 1e-9])
 @pytest.mark.parametrize("points", [3, 9])
-def test_slopes_between_equal_radii_are_refused_unless_their_weight_is_0(step, points):
+def test_slopes_between_equal_radii_are_refused_unless_slope_weight_is_0(step, points):
     radius = RADIUS[:points].copy()
     radius[1], radius[2] = radius[0] + step / 2, radius[0] + step
     data = build(curve().iloc[:points].assign(radius=radius))
@@ -31,7 +31,7 @@ def test_slopes_between_equal_radii_are_refused_unless_their_weight_is_0(step, p
 
 
 @pytest.mark.parametrize("weight", [3.0, 1e6, 1e12])
-def test_determinant_is_exact_where_radii_nearly_repeat(weight):
+def test_determinant_of_the_precision_is_exact_if_radii_nearly_repeat(weight):
     radius = RADIUS.copy()
     radius[4] = radius[3] + 5e-5
     radius[5] = radius[3] + 1e-4

@@ -10,7 +10,7 @@ from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import select
 
 
-def test_selected_tests_keep_their_order_and_points_and_are_counted_anew():
+def test_selected_tests_keep_their_order_and_points_and_are_renumbered():
     data = by_diameter()
     chosen = select(data, specimen=["S2", "S1"], experiment=1)
     check_inflation_data(chosen)
@@ -29,7 +29,7 @@ def test_labels_are_compared_as_text():
     xr.testing.assert_identical(select(data, experiment=np.int64(2)), select(data, experiment="2"))
 
 
-def test_tests_have_to_satisfy_all_that_is_asked_for():
+def test_selected_tests_satisfy_all_conditions():
     data = build().assign_coords(split=("test", ["old", "new", "new"]))
     assert select(data, split="new", group="C1")["row"].values.tolist() == [12, 13]
 
@@ -38,8 +38,8 @@ UNKNOWN = {
     "experiment": ({"experiment": [1, 7]}, "no experiment 7 in the data; there are 1, 2$"),
     "phase": ({"phase": "loading"}, r"do not name a phase, only .*'group'.*give inflation_data"),
     "sex": ({"sex": "f"}, r"do not name a sex, .*data\.assign_coords\(sex=\(\"test\", \[\.\.\."),
-    "none": ({"specimen": []}, r"no test with specimen=\[\]"),
-    "both": (
+    "no specimen": ({"specimen": []}, r"no test with specimen=\[\]"),
+    "specimen of another group": (
         {"specimen": "S1", "group": "C2"},
         r"no test with specimen=\['S1'\], group=\['C2'\] in the data; there are "
         "group 'C1', specimen 'S1', experiment 1, 2; group 'C2', specimen 'S2', experiment 1$",
@@ -53,13 +53,13 @@ def test_unknown_labels_are_refused_with_those_that_exist(labels, message):
         select(build(), **labels)
 
 
-def test_tests_are_found_by_position():
+def test_tests_at_selects_tests_by_position():
     found = selecting.tests_at(build(), [0, 2])
     xr.testing.assert_identical(found, select(build(), experiment=1))
     assert found["row"].values.tolist() == [10, 11, 14, 15]
 
 
-def test_specimens_are_taken_apart_and_left_out():
+def test_data_are_divided_by_specimen_and_specimens_left_out():
     data = build()
     apart = selecting.specimens_apart(data)
     assert [own["row"].values.tolist() for own in apart.values()] == [[10, 11, 12, 13], [14, 15]]

@@ -21,11 +21,11 @@ ROUNDING = 1e-14
         (90.0, "deg", "angle", np.pi / 2),
     ],
 )
-def test_known_conversions(value, unit, quantity, expected):
+def test_values_are_converted_to_internal_units(value, unit, quantity, expected):
     np.testing.assert_allclose(to_internal(value, unit, quantity), expected, rtol=ROUNDING)
 
 
-def test_values_in_internal_units_keep_every_bit_and_their_shape():
+def test_values_in_internal_units_stay_unchanged_to_the_last_bit():
     values = np.array([[0.1, 1 / 3], [np.pi, -7.3]])
     for dimension in ("pressure", "length", "force", "angle"):
         unit = UNITS[dimension][0]
@@ -38,14 +38,14 @@ def test_values_in_internal_units_keep_every_bit_and_their_shape():
         ("mmhg", "pressure", "not a known unit"),
         ("5 kPa", "pressure", "not a known unit"),
         ("mm**2", "length", "does not measure length"),
-        # To pint a pixel is 1/96 inch.
+        # In pint a pixel is 1/96 inch.
         ("px", "length", "is a unit of length that is not used"),
         ("point", "length", "is a unit of length that is not used"),
-        # To pint it has the dimension of an angle: none.
+        # In pint a per cent and an angle have the same dimension: none.
         ("percent", "angle", "does not measure angle"),
     ],
 )
-def test_wrong_units_are_refused_with_keyword_and_examples(unit, quantity, complaint):
+def test_unsuitable_unit_is_refused_with_its_keyword_and_examples(unit, quantity, complaint):
     with pytest.raises(ValueError, match=complaint) as error:
         to_internal(1.0, unit, quantity, keyword="some_unit")
     assert f"some_unit={unit!r}" in str(error.value)

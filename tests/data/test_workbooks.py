@@ -1,4 +1,4 @@
-"""Workbooks and compressed tables are read as text files are, with bounded effort."""
+"""Workbooks and compressed tables are read like text files, up to a limit of their size."""
 
 import bz2
 import gzip
@@ -30,7 +30,7 @@ def workbook(path, **sheets):
     return path
 
 
-def test_sheets_of_a_workbook_are_tables_with_lines(tmp_path):
+def test_sheets_of_a_workbook_are_read_as_tables_with_line_numbers(tmp_path):
     path = workbook(tmp_path / "a.xlsx", points=POINTS[1:], tubes=TUBES, empty=[])
     data = ph.read_tests(path)
     assert data["radius"].values.tolist() == [7.25, 8.125] and data["experiment"].item() == 1
@@ -39,7 +39,7 @@ def test_sheets_of_a_workbook_are_tables_with_lines(tmp_path):
     assert "a.xlsx, sheet 'tubes': Excel, decimal points, 1 row\n" in data.attrs["understood"]
 
 
-def test_cells_of_a_workbook_that_are_no_numbers_are_refused_by_sheet_and_line(tmp_path):
+def test_cells_of_a_workbook_that_are_not_numbers_are_refused_with_their_line(tmp_path):
     rows = [*POINTS[1:], ["S1", 1, pd.Timestamp("2024-02-07"), True]]
     message = message_of(ph.read_tests, workbook(tmp_path / "a.xlsx", points=rows))
     assert "a.xlsx, line 4: 'radius [mm]' is '2024-02-07 00:00:00', a date" in message
@@ -48,7 +48,7 @@ def test_cells_of_a_workbook_that_are_no_numbers_are_refused_by_sheet_and_line(t
     assert message.startswith("b.xlsx: line 1 stands above the names of the columns, which are in")
 
 
-def test_a_workbook_that_is_damaged_or_grows_without_end_is_refused(tmp_path):
+def test_damaged_or_too_large_workbook_is_refused(tmp_path):
     path = workbook(tmp_path / "a.xlsx", points=POINTS[1:])
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/more.xml", b" " * 2**28)
@@ -58,7 +58,7 @@ def test_a_workbook_that_is_damaged_or_grows_without_end_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("suffix, module", [("gz", gzip), ("bz2", bz2), ("xz", lzma)])
-def test_compressed_tables_are_read_and_those_without_end_refused(suffix, module, tmp_path):
+def test_compressed_tables_are_read_and_damaged_or_endless_ones_refused(suffix, module, tmp_path):
     path = tmp_path / f"a.csv.{suffix}"
     path.write_bytes(module.compress(f"{HEAD}\n{ROWS}".encode()))
     data = ph.read_tests(path)
@@ -70,7 +70,7 @@ def test_compressed_tables_are_read_and_those_without_end_refused(suffix, module
     assert "has a line of more than 1 million bytes" in message_of(ph.read_tests, path)
 
 
-def test_a_compressed_table_of_blank_lines_is_refused_before_it_fills_the_memory(tmp_path):
+def test_compressed_table_of_blank_lines_is_refused_before_it_fills_the_memory(tmp_path):
     path, block = tmp_path / "a.csv.gz", gzip.compress(b"\n" * 2**22)
     with path.open("wb") as file:
         for _ in range(2**6 + 1):
@@ -78,7 +78,7 @@ def test_a_compressed_table_of_blank_lines_is_refused_before_it_fills_the_memory
     assert "has more than 268 million bytes" in message_of(ph.read_tests, path)
 
 
-def test_a_workbook_without_openpyxl_is_refused_with_what_to_install(tmp_path, monkeypatch):
+def test_workbook_without_openpyxl_is_refused_with_what_to_install(tmp_path, monkeypatch):
     path = tmp_path / "a.xlsx"
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:

@@ -67,7 +67,7 @@ class Plane:
         return found - 0.5 * np.log(2 * np.pi * np.e * self.error**2)
 
     def after(self, modulus, precision):
-        """Update the classes by a modulus that was found with such a precision."""
+        """Update the classes by a modulus that was measured with this precision."""
         likelihood = stats.norm.pdf(modulus, self.mu, precision**-0.5)
         joint = self.chance[:, None] * self.of_class * likelihood
         self.chance = joint.sum(axis=1) / joint.sum()
@@ -99,7 +99,7 @@ def test_information_about_the_class_equals_a_sum_over_a_plane(classes):
     np.testing.assert_allclose(shares, chance, atol=0.5 / 40)
 
 
-def test_no_test_tells_identical_classes_apart(classes):
+def test_tests_give_no_information_about_identical_classes(classes):
     """The same seed gives the same numbers."""
     known = with_distribution(classes, dict.fromkeys(TRAINING, (-1.5, 0.3)))
     settings = {"designs": {"few": FEW}, "specimens": 10, "stop_below": 0.01}
@@ -126,7 +126,7 @@ def test_information_about_a_modulus_equals_a_sum_over_a_plane(classes):
     assert abs(nothing["information"].item()) < allowed < 0.2
 
 
-def test_information_after_tests_that_a_specimen_has_had(classes):
+def test_information_after_earlier_tests_of_a_specimen_equals_a_sum_over_a_plane(classes):
     known = with_distribution(classes, NEAR)
     data = curves({"new": [42.0]}, SEED)
     unit = unit_pressure(data["radius"].values)
@@ -142,9 +142,9 @@ def unit_force(radius):
 
 
 @pytest.mark.deep
-# Forces are those of one modulus, and pressures those of three.
+# Forces of a class follow from one modulus, and its pressures from three.
 @pytest.mark.filterwarnings("ignore:class .* the fit is doubtful")
-def test_axial_forces_and_materials_that_differ_by_test():
+def test_information_from_axial_forces_and_experiment_effects_equals_a_sum_over_a_plane():
     """Forces are linear in the modulus too; each test of a specimen has its own material."""
     training = {
         name: data.assign(axial_force=("obs", mu * unit_force(data["radius"].values)))
@@ -167,7 +167,7 @@ def test_axial_forces_and_materials_that_differ_by_test():
         check(found.sel(design=name), plane.about_class())
 
 
-def test_means_errors_and_warnings_by_hand(classes):
+def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
     kind = kind_of_classes(classes)
     planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind) for n in "abc"}
     gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
@@ -198,8 +198,8 @@ def test_means_errors_and_warnings_by_hand(classes):
         assert trials._log_density(draws, at) == pytest.approx(stats.norm.logpdf(at), abs=0.02)
 
 
-def test_radii_of_planned_tests(classes):
-    """At a pressure each specimen has its own radius; a tube without pressure has none."""
+def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(classes):
+    """Each specimen has its own radius at a pressure; radii below the unloaded one are NaN."""
     kind = kind_of_classes(classes)
     x = np.array([[-1.5], [-2.0]])
     mu = kind.scale.numbers([x])["mu"][:, 0]
@@ -209,7 +209,7 @@ def test_radii_of_planned_tests(classes):
     assert len(design[1].held) == 20
     tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
     radii = radii_of(kind, design, {X: x}, tube, {})
-    # A test may state a tube of its own, here the same one, twice as large.
+    # A test may state its own tube: here the same tube, twice as large.
     larger = ph.Tube(**{name: 2 * value for name, value in TUBE.items()})
     design = as_design("a", [planned, planned | {"tube": larger}], kind)
     own, twice = np.split(radii_of(kind, design, {X: x}, tube, {}), 2, axis=1)
@@ -225,8 +225,8 @@ def test_radii_of_planned_tests(classes):
 
 
 @pytest.mark.deep
-def test_probabilities_after_the_tests_are_calibrated():
-    """The log probability of the true class has the mean that the probabilities expect."""
+def test_predicted_probabilities_after_planned_tests_are_calibrated():
+    """The mean log probability of the true class equals its expectation under the probabilities."""
     noise = pm.LogNormal.dist(np.log(NOISE), 0.3)
     fitted = fit(
         draws=200, chains=1, priors={"thickness": ph.MeasuredValue(sd=0.3)}, likelihood=noise
@@ -241,7 +241,7 @@ def test_probabilities_after_the_tests_are_calibrated():
     assert abs(difference.mean()) < STANDARD_ERRORS * error
 
 
-def test_impossible_designs_and_wrong_settings_are_named(classes):
+def test_impossible_designs_and_wrong_settings_are_refused(classes):
     for design, message in (
         ([], "design 'a' has no tests"),
         ([(1, 2)], r"design 'a': a test is a dict such as .* not \(1, 2\)"),

@@ -17,15 +17,15 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution
 SEED, DRAWS, STANDARD_ERRORS = 913, 1000, 4
 # Location and spread of the classes: wide, as narrow as the likelihood, and far from the specimen.
 CLASSES = [(-1.7, 0.3), (-2.1, 0.02), (-5.0, 0.1)]
-# How much experiments differ, and the spread of the logarithm of that.
+# Spread between experiments of a specimen, and the sd of the logarithm of that spread.
 WITHIN, EFFECT = 0.15, 0.3
-# Effective draws of the first two classes are 1180 and 1440: a tenth less on other machines.
+# Limits of the effective draws: a tenth below the observed 1180 and 1440, for other machines.
 EFFECTIVE = {False: 1060, True: 1300}
 
 
 @pytest.mark.parametrize("effect", [False, True], ids=["one material", "experiments differ"])
-def test_evidences_are_those_of_a_grid(effect):
-    """Draws are as good as designed: no further round is made for a class that matters."""
+def test_evidences_from_few_draws_equal_sums_over_a_grid(effect):
+    """The effective sample sizes are as designed: no class with a relevant evidence has too few."""
     data = curves({"A": [38.0, 46.0] if effect else [38.0]}, 3)
     variability = ph.Variability(experiment_effect=effect)
     kind = HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD, variability=variability)
@@ -39,7 +39,7 @@ def test_evidences_are_those_of_a_grid(effect):
         known.append(known_class(of_class, data.sizes["test"], 0))
     rng, prior = np.random.default_rng(SEED), np.log([0.4, 0.4, 0.2])
     found = FewDraws(kind.sampler(data), known, prior, data, None, DRAWS, rng)
-    # A sum over how much experiments differ takes seconds.
+    # With an experiment effect the exact sum takes seconds.
     compared = CLASSES[:1] if effect else CLASSES[:2]
     for i, (location, spread) in enumerate(compared):
         terms = found.log_terms[i]
@@ -57,8 +57,8 @@ def test_evidences_are_those_of_a_grid(effect):
     assert np.isinf(found.effective[2])
 
 
-def test_proposal_of_a_normal_likelihood_is_the_product_with_the_class():
-    """The target has a prior of its own, which is no part of the likelihood."""
+def test_proposal_for_a_normal_likelihood_is_its_product_with_the_class():
+    """The prior of the target is not part of the likelihood."""
     wide, place, precision = np.array([2.0, 3.0]), np.array([0.4, -0.3]), np.diag([9.0, 4.0])
     top, mean = np.array([0.1, 0.2]), np.array([-0.5, 0.6])
     slope = -precision @ (top - place) - top / wide**2

@@ -31,12 +31,11 @@ def plan(pilot, quantity=X, specimens=(4, 12), **settings):
     return ph.plan_study(pilot, quantity, specimens, **settings)
 
 
-def test_the_error_of_a_specimen_excludes_its_class(classes):
-    """Curves that say little of a specimen say little of it under a wide class too."""
+def test_measurement_error_of_a_specimen_excludes_the_spread_of_its_class(classes):
+    """The error follows from the curves alone; differences between experiments add to it."""
     rng, error, fitted = np.random.default_rng(SEED), 0.6, classes["stiff"]
     draws, distributions = known_specimen(rng, -1.8, error, 20_000), distributions_of(fitted)
     assert _error(draws, distributions)[0, 0] == pytest.approx(error**2, rel=0.1)
-    # Differences of tests add to it.
     spread = np.full_like(np.asarray(distributions.spread), 0.3)
     effect = np.zeros((1, *spread.shape[1:]))
     differing = replace(distributions, experiment_spread=spread, effect_spread=effect)
@@ -45,7 +44,7 @@ def test_the_error_of_a_specimen_excludes_its_class(classes):
 
 
 def pilot_of(location=(-0.5, 0.5), spread=(0.3, 0.6), error=0.5, studies=200):
-    """Return truths of studies that are all alike, of two groups with one coordinate."""
+    """Return the true values of equal studies of two groups with one coordinate."""
     location = np.broadcast_to(np.array(location)[:, None, None], (2, studies, 1))
     covariance = np.broadcast_to(np.square(spread)[:, None, None, None], (2, studies, 1, 1))
     return _Pilot(location, covariance, np.full((1, 1, 1), error**2))
@@ -66,7 +65,7 @@ def test_log_scores_of_new_specimens_equal_quadrature():
         assert abs(found[name].item() - expected) < limit
 
 
-def test_what_a_study_knows_is_the_conjugate_posterior():
+def test_posterior_of_a_simulated_study_is_the_conjugate_posterior():
     """One coordinate, by sums over the location and the variance of specimens and errors."""
     kind = HierarchicalClass.of_settings(ph.NeoHookean(), 1.0)
     (mean,), (sd,) = kind.scale.location_prior
@@ -93,7 +92,7 @@ def test_what_a_study_knows_is_the_conjugate_posterior():
     np.testing.assert_allclose(location.cdf(m), cumulative, atol=1e-4)
 
 
-def test_intervals_of_studies_hold_the_truth(classes):
+def test_intervals_of_simulated_studies_cover_the_truth(classes):
     found = plan(classes, [X, "log mu"], draws=100).squeeze("comparison")
     # Three binomial standard errors, and the error of quantiles of 100 draws.
     assert (abs(found["covered"] - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 200) + 0.01).all()
@@ -107,7 +106,7 @@ def test_intervals_of_studies_hold_the_truth(classes):
     xr.testing.assert_identical(once, again)
 
 
-def test_with_many_specimens_the_difference_is_that_of_two_means(classes):
+def test_width_with_many_specimens_equals_the_difference_of_two_means(classes):
     places = {"soft": (-1.5, 0.25), "stiff": (-2.0, 0.4)}
     pilot = with_distribution(classes, places)
     found = plan(pilot, specimens=200, studies=40, relevant=0.3, draws=100).squeeze()
@@ -117,12 +116,13 @@ def test_with_many_specimens_the_difference_is_that_of_two_means(classes):
     np.testing.assert_allclose(found["truth"], -0.5)
     middles = found["study_difference"]
     assert abs(middles.mean() + 0.5) < 4 * middles.std() / np.sqrt(40)
+    # The relative standard error of an sd of 40 studies is 1/sqrt(80), or 11 %.
     assert middles.std() == pytest.approx(width / (2 * 1.96), rel=0.4)
     assert found["decided"] == 1 and found["wrong"] == 0
 
 
-def test_decisions_of_studies_by_hand():
-    """Five studies, whose intervals are the ends of two draws, and what matters is 1 or more."""
+def test_decisions_of_studies_equal_values_computed_by_hand():
+    """Five studies with intervals from two draws; differences of 1 or more are relevant."""
     ends = np.array([[2, 4], [0.5, 3], [-3, -2], [1.5, 2], [-0.5, 0.5]], float)
     truth = np.array([3.0, 1.0, 1.0, -1.0, 0.6])
     found = _result(truth[None, None], ends[None, None, None], 1.0, 1 - 1e-9).squeeze()
@@ -139,7 +139,7 @@ def test_decisions_of_studies_by_hand():
     assert found["width_interval"].values == pytest.approx([0.5, 2.5], rel=1e-6)
 
 
-def test_wrong_settings_and_pilots_are_named(classes):
+def test_wrong_settings_and_pilots_are_refused(classes):
     for settings, message in (
         ({"quantity": "strength"}, "no quantity is called 'strength'"),
         ({"quantity": "compliance", "at": [1, 2]}, r"pressures \[1.0, 2.0\]; expected one"),

@@ -10,7 +10,7 @@ from scipy.optimize import approx_fprime
 SEED = 20250
 CHAINS, DRAWS = 4, 500
 
-# An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
+# A correct standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
 STANDARD_ERRORS = 4
 # Rounding of sums and logarithms of a few numbers of order one.
 ROUNDING = 1e-12

@@ -1,8 +1,8 @@
-"""Models that are difficult for a sampler in ways that it may not notice, with exact evidences.
+"""Models for which a sampler can be wrong without a warning, with exact evidences.
 
 There are five kinds: regimes of the prior, periodic variables, mass where numbers are rounded to a
-bound, random variables that cannot be drawn in batches, and models of great effort. Each evidence
-is a closed form, a sum or a quadrature in NumPy and SciPy alone; a comment says which.
+bound, random variables that cannot be drawn in batches, and models that need great effort. Each
+evidence is a closed form, a sum or a quadrature in NumPy and SciPy alone; a comment says which.
 """
 
 from functools import partial
@@ -58,7 +58,7 @@ def peak_or_constant(name, mean, height):
 
 
 def peak_beside_constant():
-    """The same, where a coordinate of the peak says which half it is."""
+    """Peak and constant as in `peak_or_constant`; a coordinate of the peak selects the half."""
     mean, sd, height = np.array([0.9, 0.5, -0.7, 0.8, -1.1]), 0.1, -9.0
 
     def variables():
@@ -124,7 +124,7 @@ def several_laws(name, share, seed):
 
 
 def blocked_sensor():
-    """In a rare regime the others do not matter, and the data are expected accurately."""
+    """A rare regime has no other unknowns, and predicts the data accurately."""
     design = np.random.default_rng(62).normal(size=(8, 6))
     y, late = np.full(8, 5.0) + 0.01 * design[:, 0], 3.0
 
@@ -289,7 +289,7 @@ def rates(name, shape, events):
 
 
 def saturated(name, sd, y):
-    """A scale over hundreds of orders of magnitude, of which the data see both ends."""
+    """A scale over hundreds of orders of magnitude; the likelihood is constant at both ends."""
 
     def variables():
         scale = pm.LogNormal("scale", 0, sd)
@@ -307,7 +307,7 @@ def saturated(name, sd, y):
 
 
 def vague_variance():
-    """The inverse gamma prior that is meant to say nothing."""
+    """A vague inverse gamma prior of a variance."""
     y, small = np.array([0.3, -1.2, 2.1, 0.4, -0.8, 1.6]), 0.01
 
     def variables():
@@ -449,7 +449,7 @@ def mixed_prior():
 
 
 def truncated_prior():
-    """A prior of which a tail is left."""
+    """A prior that is truncated to its tail."""
     y, noise = np.array([1.2, 4.0]), 0.5
 
     def variables():
@@ -495,7 +495,7 @@ def change_points(count):
         pm.Normal("y", level[0] + pt.dot(later, level[1:]), noise, observed=y)
 
     def log_evidence():
-        """Each time is in one of as many intervals as there are data, all as likely."""
+        """Each time lies in one interval between data; all intervals have the same prior."""
         later = time[:, None] > np.arange(size) + 0.5
         intervals = np.indices(count * (size,)).reshape(count, -1)
         intervals = intervals[:, (np.diff(intervals, axis=0) >= 0).all(axis=0)]

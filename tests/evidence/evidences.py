@@ -2,7 +2,8 @@
 
 Each is an ordinary PyMC model under proper priors. Its evidence is a closed form, a sum or a
 quadrature in NumPy and SciPy alone; a comment says which, and cites the model's source. Scales,
-weights and data are unequal on purpose: no evidence is right for a standard normal density only.
+weights and data are unequal on purpose, so that a method that works only for standard normal
+densities fails.
 
 An evidence is the density of the observed data with all its constants; if the model has a
 `pm.Potential`, it is the prior mean of the exponential of that potential.
@@ -152,7 +153,7 @@ def waves(time, frequency):
 
 
 def sine_frequency():
-    """Frequency of a sine with a small unknown noise: one needle in a broad range."""
+    """Frequency of a sine with a small unknown noise: one narrow mode in a wide prior."""
     rng = np.random.default_rng(7)
     time = np.sort(rng.uniform(0, 10, 40))
     low, high, truth, scale = 0.1, 5.0, 1.7, 2.0
@@ -271,7 +272,7 @@ def spike_and_slab():
 
 
 def two_locations():
-    """Location of heavy-tailed data that agree on two."""
+    """Location of heavy-tailed data in two clusters."""
     y = np.array([-0.2, 0.1, 0.15, 0.4, 0.05, 9.3, 10.2, 9.9, 10.6, 10.0])
 
     def variables():

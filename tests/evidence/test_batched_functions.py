@@ -93,7 +93,7 @@ def assert_no_loop(batched):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_function_of_many_points_equals_scipy_at_each(case):
+def test_batched_function_equals_scipy_at_each_point(case):
     with pm.Model() as model:
         pm.Flat("x", shape=4)
     expression, expected = CASES[case]
@@ -106,8 +106,8 @@ def test_function_of_many_points_equals_scipy_at_each(case):
         assert 0 < np.isnan(values[:, 0, 0]).sum() < len(POINTS)
 
 
-def test_density_of_mixtures_and_correlated_normals():
-    """The log densities of PyMC need no loop either."""
+def test_batched_densities_of_mixtures_and_correlated_normals_equal_scipy():
+    """The log densities of PyMC are evaluated without a loop over the points."""
     rng = np.random.default_rng(SEED)
     y, z = rng.normal(size=20), rng.normal(size=(20, 3))
     with pm.Model() as model:
@@ -130,7 +130,7 @@ def test_density_of_mixtures_and_correlated_normals():
         np.testing.assert_allclose(of_normal, normal.logpdf(z), rtol=ROUNDING)
 
 
-def test_chunk_depends_on_the_current_shared_data_only():
+def test_chunk_size_follows_from_the_current_size_of_shared_data():
     """Points that exceed the chunk are evaluated in parts."""
     data = pytensor.shared(np.zeros(10), shape=(None,))
     with pm.Model() as model:
@@ -147,8 +147,8 @@ def test_chunk_depends_on_the_current_shared_data_only():
     assert function.chunk == 512
 
 
-def test_cost_is_the_number_of_numbers_that_are_computed():
-    """It grows with the data, and not with what was evaluated before."""
+def test_cost_counts_the_computed_numbers():
+    """The cost grows with the data, and does not depend on earlier evaluations."""
     data = pytensor.shared(np.zeros(10), shape=(None,))
     with pm.Model() as model:
         x = pm.Normal("x")
@@ -165,7 +165,7 @@ def test_cost_is_the_number_of_numbers_that_are_computed():
 
 
 def test_seeded_results_do_not_depend_on_the_chunk(monkeypatch):
-    """Nor on measured memory: the number of points of a search is fixed."""
+    """The number of points of a search is fixed, so that results do not depend on free memory."""
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1, shape=2)
         pm.Normal("y", x, [0.1, 0.3], observed=[1.0, -0.5])
@@ -210,8 +210,8 @@ def test_variables_of_unknown_length_have_separate_compilations():
     np.testing.assert_array_equal(score((4, 1)), np.full(3, 2.0))
 
 
-def test_draws_of_the_prior_are_independent_and_respect_parents():
-    """They ignore initial values, and can be drawn before and after a score."""
+def test_draws_of_the_prior_are_independent_and_depend_on_their_parents():
+    """Draws ignore initial values, and are possible before and after a score."""
     with pm.Model() as model:
         mean = pm.Normal("mean", 3, 2, initval=100.0)
         spread = pm.Exponential("spread", 0.5)
@@ -230,7 +230,7 @@ def test_draws_of_the_prior_are_independent_and_respect_parents():
     np.testing.assert_allclose(found[1], draws[:, 1], rtol=ROUNDING)
 
 
-def test_prior_without_batches_is_drawn_one_by_one():
+def test_prior_that_cannot_be_drawn_in_batches_is_drawn_one_by_one():
     """A distribution that is made of others, such as a random walk, has no batches."""
     with pm.Model() as model:
         start = pm.Normal.dist(5.0, 0.1)

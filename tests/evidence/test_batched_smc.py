@@ -47,7 +47,7 @@ def sampled(model, draws=1000, chains=4, **settings):
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_evidence_and_posterior_moments_are_exact(name):
+def test_evidence_and_posterior_moments_equal_exact_values(name):
     problem = PROBLEMS[name]
     tree = sampled(problem.model)
     assert_agrees(ph.log_evidence(tree), problem.log_evidence, LARGEST_ERROR)
@@ -62,10 +62,10 @@ def test_evidence_and_posterior_moments_are_exact(name):
 @pytest.mark.parametrize(
     ("name", "from_modes"), [("regression", False), *deep([("two modes", None)])]
 )
-def test_error_bars_are_as_wide_as_the_errors(name, from_modes):
-    """Squared errors in units of the error bars of single chains have a chi-squared distribution.
+def test_stated_evidence_errors_are_as_large_as_the_actual_errors(name, from_modes):
+    """Squared errors over the squared stated errors of chains have a chi-squared distribution.
 
-    An honest kernel fails at either end once in a thousand times.
+    Right errors fail this test at either end once in a thousand times.
     """
     problem, chains = PROBLEMS[name], 24 if from_modes is None else 16
     tree = sampled(problem.model, 300, chains, from_modes=from_modes)
@@ -76,8 +76,8 @@ def test_error_bars_are_as_wide_as_the_errors(name, from_modes):
     assert low < squares < high
 
 
-def test_sampler_of_pymc_takes_the_kernel():
-    """Its result has the same kind of evidence, with a diagnosis."""
+def test_pymc_sample_smc_accepts_the_kernel():
+    """Its result gives an evidence with a diagnosis."""
     problem = PROBLEMS["regression"]
     with problem.model:
         settings = {"cores": 1, "random_seed": SEED, "progressbar": False, "threshold": 0.6}
@@ -89,7 +89,7 @@ def test_sampler_of_pymc_takes_the_kernel():
     assert checks == {"chains", "moves", "ancestors"}
 
 
-def test_threshold_is_the_effective_fraction_of_the_first_stage():
+def test_threshold_sets_the_effective_fraction_of_the_first_stage():
     for settings, expected in (({"threshold": 0.3}, 0.3), ({}, 0.5)):
         model = PROBLEMS["regression"].model
         kernel = ph.BatchedSMC(500, model=model, from_modes=False, **settings)
@@ -100,7 +100,7 @@ def test_threshold_is_the_effective_fraction_of_the_first_stage():
         assert found == pytest.approx(expected * 500, rel=4e-3)
 
 
-def test_likelihood_that_is_nan_counts_as_zero_and_is_reported():
+def test_nan_likelihood_counts_as_zero_and_is_reported():
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1)
         pm.Potential("root", -25 * (pt.sqrt(x) - 1) ** 2)
@@ -113,8 +113,7 @@ def test_likelihood_that_is_nan_counts_as_zero_and_is_reported():
     assert tree["sample_stats"]["nan_scores"].sum() > 0
 
 
-def test_scores_that_are_impossible_or_overflow():
-    """A negative sd and an overflowing likelihood exclude their own points only."""
+def test_negative_sd_and_overflow_exclude_their_own_points_only():
     with pm.Model() as model:
         scale = pm.Normal("scale", 0, 1)
         pm.Normal("y", 0, scale, observed=1.3)

@@ -18,9 +18,9 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.unconstrained import unconstrained_draws
 
-# Root mean square of the errors in units of the stated ones: 1 for honest errors. The stated errors
-# assume the largest possible correlation of the parts, which may be too cautious.
-HONEST = (0.65, 1.4)
+# Root mean square of the actual errors over the stated errors: 1 if stated errors are right. Stated
+# errors assume the largest possible correlation of their parts, so that they may be too large.
+RIGHT_ERRORS = (0.65, 1.4)
 # Rounding of a transform and its inverse, for numbers of order one.
 ROUNDING = 1e-7
 
@@ -54,7 +54,7 @@ def tree(regression):
 
 
 @pytest.mark.parametrize("proposal", ["normal", "warped", "mixture", "auto"])
-def test_evidence_of_a_regression_with_each_proposal(regression, tree, proposal):
+def test_evidence_by_each_proposal_equals_the_exact_value(regression, tree, proposal):
     assert_agrees(bridge(regression.model, tree, proposal=proposal), regression.log_evidence, 0.015)
 
 
@@ -65,7 +65,9 @@ def test_evidence_of_a_regression_with_each_proposal(regression, tree, proposal)
         *deep([(10, 2, 1000, 0.0, 100, "auto"), (30, 4, 1000, 0.7, 100, "auto")]),
     ],
 )
-def test_stated_errors_are_as_large_as_the_errors(dimension, chains, draws, phi, runs, proposal):
+def test_stated_errors_are_as_large_as_the_actual_errors(
+    dimension, chains, draws, phi, runs, proposal
+):
     """Draws are independent or autocorrelated, from one chain or several."""
     regression, rng = Regression(dimension), np.random.default_rng(SEED)
     found = []
@@ -74,7 +76,7 @@ def test_stated_errors_are_as_large_as_the_errors(dimension, chains, draws, phi,
         found.append(bridge(regression.model, tree, random_seed=run, proposal=proposal))
     value, error = np.transpose(found)
     ratio = (value - regression.log_evidence) / error
-    assert HONEST[0] < np.sqrt(np.mean(ratio**2)) < HONEST[1]
+    assert RIGHT_ERRORS[0] < np.sqrt(np.mean(ratio**2)) < RIGHT_ERRORS[1]
     assert abs(ratio.mean()) < 4 / np.sqrt(runs)
 
 
@@ -129,7 +131,7 @@ def test_evidence_without_data_is_one(prior):
     assert_agrees(bridge(model, prior_draws(model), proposal="auto"), 0.0, 0.1)
 
 
-def test_unconstrained_draws_are_recovered_from_stored_ones():
+def test_unconstrained_draws_are_recovered_from_constrained_ones():
     """Each transform of PyMC is inverted."""
     with pm.Model() as model:
         bounded()
@@ -145,7 +147,7 @@ def test_unconstrained_draws_are_recovered_from_stored_ones():
     assert names.count("simplex") == 2 and names.count("factor") == 6
 
 
-def test_draws_at_a_bound_need_the_unconstrained_ones():
+def test_draws_rounded_to_a_bound_are_refused_without_unconstrained_draws():
     with pm.Model() as model:
         pm.Beta("x", 2, 2)
     tree = prior_draws(model)
@@ -158,7 +160,7 @@ def test_draws_at_a_bound_need_the_unconstrained_ones():
     assert_agrees(bridge(model, tree), 0.0, 0.02)
 
 
-def test_chains_with_different_shares_of_modes_are_doubted():
+def test_chains_that_visit_modes_in_different_shares_warn():
     """The true share of the right mode is 0.7."""
     rng, shape = np.random.default_rng(SEED), (CHAINS, DRAWS)
     with pm.Model() as model:
@@ -168,8 +170,8 @@ def test_chains_with_different_shares_of_modes_are_doubted():
     assert_doubtful(model, as_tree(x=x), r"the chains disagree \(R-hat \d+\.\d\d of x\)")
 
 
-def test_draws_of_another_posterior_are_doubted(regression):
-    """Its location differs, or its width by a tenth."""
+def test_draws_of_another_posterior_warn(regression):
+    """The location of the draws differs, or their width by a tenth."""
     rng = np.random.default_rng(SEED)
     other = Regression(5, shift=0.3).draws(rng)
     match = "not distributed as the posterior"
@@ -178,7 +180,7 @@ def test_draws_of_another_posterior_are_doubted(regression):
     assert_doubtful(regression.model, wide, match)
 
 
-def test_chains_that_stand_still_or_are_short_are_doubted(regression, tree):
+def test_constant_or_short_chains_warn(regression, tree):
     """Waves of whole periods have an R-hat of 1, but few effective draws."""
     tree["posterior"]["slope"][0] = tree["posterior"]["slope"].values[0, 0]
     assert_doubtful(regression.model, tree, "the chains disagree")
@@ -188,7 +190,7 @@ def test_chains_that_stand_still_or_are_short_are_doubted(regression, tree):
     assert_doubtful(regression.model, tree, r"the chains are too short \(\d\d effective draws of ")
 
 
-def test_more_than_one_divergence_in_a_thousand_draws_is_doubted(regression, tree):
+def test_more_than_one_divergence_in_a_thousand_draws_warns(regression, tree):
     diverging = np.zeros((CHAINS, DRAWS), bool)
     diverging[0, :2] = True
     tree["sample_stats"] = xr.DataTree(xr.Dataset({"diverging": (("chain", "draw"), diverging)}))
@@ -197,7 +199,7 @@ def test_more_than_one_divergence_in_a_thousand_draws_is_doubted(regression, tre
     assert_doubtful(regression.model, tree, "3 of 2000 transitions diverged")
 
 
-def test_proposals_without_possible_draws_are_doubted():
+def test_proposal_without_a_draw_of_positive_density_warns():
     """The posterior is a ridge that is too thin for any draw of a proposal."""
     rng = np.random.default_rng(SEED)
     with pm.Model() as model:
@@ -210,7 +212,7 @@ def test_proposals_without_possible_draws_are_doubted():
         assert bridge(model, tree).standard_error == np.inf
 
 
-def test_number_of_chains_thinning_and_precision_do_not_matter(regression, tree):
+def test_estimate_does_not_depend_on_chains_thinning_or_precision(regression, tree):
     rng = np.random.default_rng(SEED)
     for draws in (
         regression.draws(rng, chains=1, draws=1000),
@@ -223,7 +225,7 @@ def test_number_of_chains_thinning_and_precision_do_not_matter(regression, tree)
     assert found[0] == pytest.approx(found[1], abs=1e-4)
 
 
-def test_order_of_dimensions_does_not_matter(regression, tree):
+def test_estimate_does_not_depend_on_the_order_of_dimensions(regression, tree):
     slope = tree["posterior"]["slope"].rename(slope_0="column")
     other = xr.DataTree.from_dict({"posterior": slope.transpose().to_dataset()})
     assert bridge(regression.model, other) == bridge(regression.model, tree)
@@ -259,7 +261,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("change", "message"), REFUSED)
-def test_draws_that_cannot_be_used_are_refused(regression, tree, change, message):
+def test_unusable_draws_are_refused(regression, tree, change, message):
     with pytest.raises((TypeError, ValueError), match=message):
         bridge(regression.model, change(tree))
 
@@ -275,7 +277,7 @@ def test_draws_with_a_density_of_zero_are_refused():
         bridge(model, as_tree(x=x))
 
 
-def test_a_random_density_is_refused():
+def test_model_with_a_random_density_is_refused():
     """A likelihood that is estimated by simulation, and one of a minibatch."""
     rng = np.random.default_rng(SEED)
     noisy = pytensor.wrap_py([pt.dscalar], [pt.dscalar])(lambda x: np.asarray(rng.normal(-(x**2))))
@@ -290,7 +292,7 @@ def test_a_random_density_is_refused():
             bridge(model, draws)
 
 
-def test_more_than_two_draws_for_each_unknown_are_needed():
+def test_too_few_draws_for_the_number_of_unknowns_are_refused():
     many = Regression(200)
     tree = many.draws(np.random.default_rng(SEED), chains=2, draws=201)
     with pytest.raises(ValueError, match=r"of 201 draws are too few for 200 .* must be 404 draws"):
@@ -312,8 +314,8 @@ def test_wrong_models_and_settings_are_refused(regression, tree):
 
 @pytest.mark.deep
 @pytest.mark.parametrize("sampler", ["pymc", "nutpie"])
-def test_evidence_from_nuts(sampler):
-    """A noncentred hierarchy has the exact evidence; a centred one has divergences."""
+def test_evidence_from_nuts_is_exact_and_divergences_warn(sampler):
+    """A noncentred hierarchy has no divergences; a centred hierarchy has some."""
     settings = {"chains": 4, "random_seed": SEED, "progressbar": False, "nuts_sampler": sampler}
     problem = PROBLEMS["eight_schools_noncentred"]
     with problem.model() as model:

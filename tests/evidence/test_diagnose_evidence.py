@@ -56,7 +56,7 @@ def chains_of_spread(sd):
     return -10 + values * sd / values.std(ddof=1)
 
 
-def test_result_without_faults_is_good():
+def test_result_that_passes_all_checks_is_called_good():
     diagnosis = ph.diagnose_evidence(result(forward=-10.5, forward_se=0.1, curve_error=1e-8))
     assert diagnosis.attrs == {"verdict": GOOD, "words": "nothing is against it"}
     names = ["chains", "R-hat", "moves", "ancestors", "weights", "prior's side", "curves"]
@@ -108,8 +108,8 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("check", "changed", "verdict"), LIMITS)
-def test_verdict_on_each_side_of_a_limit(check, changed, verdict):
-    """A fault is named, and an evidence that cannot be trusted has an infinite error."""
+def test_verdict_changes_at_the_limit_of_each_check(check, changed, verdict):
+    """The failed check is named, and an evidence that cannot be trusted has an infinite error."""
     tree = result(**changed)
     diagnosis = ph.diagnose_evidence(tree)
     wrong = diagnosis["check"].values[diagnosis["verdict"] != GOOD].tolist()
@@ -121,7 +121,7 @@ def test_verdict_on_each_side_of_a_limit(check, changed, verdict):
     assert np.isinf(ph.log_evidence(tree).standard_error) == (verdict == BAD)
 
 
-def test_worst_chain_decides_about_ancestors_and_weights_and_the_mean_about_moves():
+def test_checks_use_the_worst_chain_for_ancestors_and_weights_and_mean_moves():
     tree = result()
     tree["evidence"]["ancestor_fraction"][2] = 0.02
     tree["evidence"]["pareto_k"][1] = 0.8
@@ -131,7 +131,7 @@ def test_worst_chain_decides_about_ancestors_and_weights_and_the_mean_about_move
     assert found == pytest.approx([0.02, 0.8, 0.3])
 
 
-def test_verdict_is_stored_and_the_warning_says_why():
+def test_stored_verdict_is_kept_and_the_warning_gives_the_reason():
     tree = with_diagnosis(result(ancestor_fraction=0.005))
     with pytest.warns(UserWarning, match=r"class 'C1': the evidence is not .* come from 0\.5%"):
         warn_of_evidence(tree, "class 'C1': ")
@@ -142,14 +142,14 @@ def test_verdict_is_stored_and_the_warning_says_why():
     assert worst_of(["", GOOD]) == GOOD
 
 
-def test_verdict_of_an_earlier_version_does_not_hide_a_specimen_that_was_given_up():
+def test_stored_good_verdict_does_not_hide_a_specimen_given_up():
     tree = with_diagnosis(result())
     tree["evidence"]["specimens_se"] = np.inf
     assert ph.diagnose_evidence(tree).attrs["verdict"] == BAD
 
 
-def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
-    """The last finite number of each chain counts, and the share of stages with all moves made."""
+def test_result_of_pymc_sample_smc_is_diagnosed_from_its_stages():
+    """The last finite number of each chain counts; moves are the share of stages at the maximum."""
     stages = {
         "log_marginal_likelihood": [[-9.0, -4.0], [-8.0, -4.1, np.nan]],
         "log_evidence_variance": [[0.5, 0.09], [0.5, 0.16, np.nan]],
@@ -170,7 +170,7 @@ def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
     assert float(found.sel(check="moves")) == pytest.approx((1 / 2 + 1 / 3) / 2)
 
 
-def test_particles_that_miss_a_sudden_transition_are_noticed():
+def test_evidence_of_particles_that_miss_a_sudden_transition_is_not_good():
     """Tempering from the prior with few moves prefers a large noise; the true noise is small."""
     problem = PROBLEMS["sine_frequency"]
     settings = {"random_seed": SEED, "progressbar": False, "from_modes": False, "max_moves": 2}

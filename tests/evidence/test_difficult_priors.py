@@ -1,4 +1,4 @@
-"""Priors and densities for which a sampler can be wrong without a sign of it."""
+"""Priors and densities for which a sampler can be wrong without a warning."""
 
 import numpy as np
 import pymc as pm
@@ -23,8 +23,8 @@ def assert_right(model, exact):
     assert abs(found.value - exact) < STANDARD_ERRORS * found.standard_error < 0.2
 
 
-def test_a_part_of_the_prior_where_every_draw_is_poor_is_climbed_from():
-    """An instrument works, with small noise, or is dead: nearly all of the mass is in one half."""
+def test_mode_in_a_half_of_the_prior_with_only_poor_draws_is_found():
+    """An instrument works, with small noise, or fails: half of the prior has nearly all mass."""
     rng, size, noise = np.random.default_rng(4), 5, 0.1
     design = rng.normal(size=(12, size))
     y = design @ np.full(size, 0.8) + noise * rng.normal(size=12)
@@ -39,7 +39,7 @@ def test_a_part_of_the_prior_where_every_draw_is_poor_is_climbed_from():
 
 
 @pytest.mark.parametrize("place", [0.5, 3.0])
-def test_an_angle_counts_once(place):
+def test_evidence_of_an_angle_counts_its_period_once(place):
     """The density is that of von Mises, also where its mode is beside the end of the period."""
     with pm.Model() as model:
         angle = pm.VonMises("angle", 0.0, 1e-9)
@@ -49,7 +49,7 @@ def test_an_angle_counts_once(place):
     assert ph.log_evidence_by_quadrature(model).value == pytest.approx(exact, abs=1e-6)
 
 
-def test_draws_by_a_users_function_are_independent():
+def test_prior_draws_of_a_custom_distribution_are_independent():
     def draw(width, rng=None, size=None):
         return width * rng.uniform(-1, 1, size=size)
 
@@ -67,8 +67,8 @@ def test_draws_by_a_users_function_are_independent():
     [((0.01, 1.0), 5, True), ((0.1, 0.1), 5, True), ((0.001, 0.001), 5, False)],
 )
 @pytest.mark.filterwarnings("ignore:the evidence is not to be trusted")
-def test_mass_that_is_rounded_to_a_bound_is_in_the_error(shapes, successes, sound):
-    """Numbers of double precision end long before the logit of a probability does."""
+def test_posterior_mass_rounded_to_a_bound_increases_the_evidence_error(shapes, successes, sound):
+    """A probability is rounded to 0 or 1 where its logit is still far from its largest value."""
     with pm.Model() as model:
         pm.Binomial("y", 5, pm.Beta("p", *shapes), observed=successes)
     tree = sampled(model)
@@ -79,8 +79,8 @@ def test_mass_that_is_rounded_to_a_bound_is_in_the_error(shapes, successes, soun
     assert sound or "rounded to a bound" in tree["diagnosis"].attrs["words"]
 
 
-def test_shares_that_are_rounded_to_zero_have_a_place():
-    """Half of the draws of such shares have two that are less than the smallest number."""
+def test_dirichlet_draws_rounded_to_zero_have_finite_unconstrained_values():
+    """In half of the draws two of the shares are smaller than the smallest float."""
     alpha, counts = np.full(4, 0.01), np.array([7, 0, 3, 0])
     with pm.Model() as model:
         pm.Multinomial("y", n=10, p=pm.Dirichlet("share", alpha), observed=counts)
@@ -89,8 +89,8 @@ def test_shares_that_are_rounded_to_zero_have_a_place():
 
 
 @pytest.mark.filterwarnings("ignore:the evidence is not to be trusted")
-def test_a_chain_whose_particles_hardly_move_ends_in_haste_and_is_not_trusted():
-    """Six stages may end before particles have forgotten their places."""
+def test_chain_whose_particles_hardly_move_ends_early_and_is_not_trusted():
+    """In six stages particles may stop before their correlation with the start is small."""
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1, shape=3)
         pm.Normal("y", x, 0.01, observed=np.ones(3))
@@ -104,8 +104,8 @@ def test_a_chain_whose_particles_hardly_move_ends_in_haste_and_is_not_trusted():
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:the evidence is")
-def test_modes_that_only_other_particles_meet_are_missing():
-    """Three change points in any order have six equal modes, and a climb finds none."""
+def test_modes_missed_by_the_search_are_reported():
+    """Three change points in any order have six equal modes, which optimisation does not find."""
     tree = ph.sample_smc(
         DIFFICULT["great effort"]["change_points_3"].model(), 500, 2, random_seed=SEED
     )

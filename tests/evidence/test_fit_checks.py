@@ -1,4 +1,4 @@
-"""What a diagnosis says of the fit: limits of priors, and residuals beside the noise."""
+"""Diagnosis of a fit: draws at limits of priors, and residuals in units of the noise."""
 
 import numpy as np
 import pandas as pd
@@ -13,13 +13,13 @@ SEED = 1
 TUBE = ph.Tube(inner_radius=2.5, outer_radius=3.0)
 RADIUS, MU = np.linspace(2.55, 2.7, 8), 40.0
 AS_WRITTEN = "FAST_COMPILE"
-# Of a modulus of 1 kPa: pressure, its slope, and the force, which are proportional to the modulus.
+# Pressure, slope and force for a modulus of 1 kPa; all three are proportional to the modulus.
 PRESSURE, SLOPE, FORCE = (
     curve(ph.NeoHookean(), RADIUS, TUBE, mu=1.0).eval(mode=AS_WRITTEN)
     for curve in (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
 )
 SD, FORCE_SD, OFFSET_SD, DIAMETER_SD = 0.1, 2.0, 50.0, 0.01
-# By how much the best of 200 draws, of one parameter, is worse than the best of all.
+# Sum of squares of the best of 200 draws of one parameter, minus the smallest possible one.
 BEST_DRAW = 0.02
 
 
@@ -51,7 +51,7 @@ def measured(data, name):
     return data[name].values.reshape(2, 8)
 
 
-def test_squared_residuals_are_those_of_least_squares():
+def test_squared_residuals_equal_least_squares():
     data = two_tests()
     squares, points = residuals_of(sampled(data.drop_vars("axial_force")))
     pressure = measured(data, "pressure")
@@ -61,7 +61,7 @@ def test_squared_residuals_are_those_of_least_squares():
     assert (points["pressure"] == 8).all()
 
 
-def test_an_offset_of_forces_is_no_residual():
+def test_residuals_of_forces_exclude_their_offset():
     data = two_tests()
     tree = sampled(data, force_sd=FORCE_SD, force_offset_sd=OFFSET_SD)
     squares, points = residuals_of(tree)
@@ -80,7 +80,7 @@ def test_an_offset_of_forces_is_no_residual():
     assert tree["diagnosis"].attrs["verdict"] == "good"
 
 
-def test_an_error_of_the_diameter_is_one_of_the_pressure_by_the_slope():
+def test_diameter_error_enters_pressure_residuals_through_the_slope():
     data = two_tests().drop_vars("axial_force")
     squares, _ = residuals_of(sampled(data, diameter_sd=DIAMETER_SD))
 
@@ -92,8 +92,8 @@ def test_an_error_of_the_diameter_is_one_of_the_pressure_by_the_slope():
     assert squares["pressure"].sum() == pytest.approx(best, abs=BEST_DRAW)
 
 
-def test_one_test_that_is_wrong_is_named():
-    """Half of a shift that is common to a test is left in each after the fit of both."""
+def test_experiment_with_large_residuals_is_named_in_the_warning():
+    """The pressure of the second test is shifted: after the fit each test has half of the shift."""
     data = two_tests(shift=1.0).drop_vars("axial_force")
     with pytest.warns(UserWarning, match=r"the fit is doubtful: .* specimen 'A', experiment [12]"):
         tree = sampled(data)
@@ -117,7 +117,7 @@ def beside_limit(place, sd):
     [(0.9, 0.02, "lower limit 1 of x"), (2.1, 0.04, "upper limit 2 of x"), (2.0, 0.01, None)],
 )
 @pytest.mark.filterwarnings("ignore:the fit is doubtful")
-def test_share_at_a_limit_is_that_of_a_truncated_normal(place, sd, end):
+def test_share_of_draws_at_a_prior_limit_equals_a_truncated_normal(place, sd, end):
     tree = beside_limit(place, sd)
     posterior = stats.truncnorm((1 - place) / sd, (2 - place) / sd, place, sd)
     shares = tree["evidence"]["at_limit"].to_series()
@@ -130,7 +130,7 @@ def test_share_at_a_limit_is_that_of_a_truncated_normal(place, sd, end):
     assert end is None or end in tree["diagnosis"].attrs["words"]
 
 
-def test_a_posterior_that_ends_before_a_limit_is_not_at_it():
+def test_posterior_that_ends_before_a_prior_limit_passes_the_check():
     tree = beside_limit(1.995, 0.0008)
     assert (tree["evidence"]["at_limit"] == 0).all()
     assert tree["diagnosis"].attrs["verdict"] == "good"

@@ -33,7 +33,7 @@ def draw_prior(count, rng):
     return rng.standard_normal((count, 2))
 
 
-def test_mean_weight_and_its_error():
+def test_error_of_the_mean_weight_includes_an_unseen_large_weight():
     """The error includes an unseen draw with ``1/(1 - k)`` times the largest weight."""
     log_weights = np.random.default_rng(SEED).exponential(0.3, 1000)
     (value, error), shape = mean_weight(log_weights)
@@ -52,15 +52,15 @@ def test_mean_weight_of_fewer_than_400_effective_draws_is_unknown():
         assert mean_weight(log_weights) == ((-np.inf, np.inf), np.inf)
 
 
-def test_no_mixture_of_more_than_24_unknowns_is_adapted():
+def test_proposal_of_more_than_24_unknowns_is_not_adapted():
     initial = GaussianMixture(np.zeros(1), np.zeros((1, 25)), np.eye(25)[None])
     rng = np.random.default_rng(SEED)
     found = importance_sampling(None, initial, expectation_maximisation, 10, rng)
     assert found.log_value == (-np.inf, np.inf) and not found.reliable
 
 
-def test_values_are_reliable_and_accurate_up_to_a_pareto_shape():
-    """The limits 0.5 and 0.7 are those of Vehtari et al. (2024); a shape that is NaN tells nothing.
+def test_integral_is_reliable_and_accurate_up_to_limits_of_the_pareto_shape():
+    """The limits are 0.5 and 0.7 (Vehtari et al. 2024); with a NaN shape nothing is reliable.
 
     Accurate values also have a small error.
     """
@@ -71,7 +71,7 @@ def test_values_are_reliable_and_accurate_up_to_a_pareto_shape():
     assert not Integral(Estimate(0.0, 0.04), 0.1, "", np.empty((0, 1))).accurate
 
 
-def test_draws_are_weighted_as_from_the_proposal_and_a_tenth_of_the_prior():
+def test_weights_use_the_mixture_of_proposal_and_a_tenth_of_the_prior():
     def score(points):
         return stats.norm.logpdf(points).sum(axis=1), -np.abs(points).sum(axis=1)
 
@@ -96,7 +96,7 @@ def normal_problem(spread=0.1, place=(1.0, -0.5)):
 
 
 @pytest.mark.parametrize("draws", [4000, 100_000])
-def test_integral_of_a_normal_prior_and_likelihood(draws):
+def test_integral_of_a_normal_prior_and_likelihood_is_exact(draws):
     spread, place = 0.1, np.array([1.0, -0.5])
     score, exact = normal_problem(spread, place)
     rng = np.random.default_rng(SEED)
@@ -111,15 +111,15 @@ def test_integral_of_a_normal_prior_and_likelihood(draws):
     np.testing.assert_allclose(found.particles.std(axis=0), sd, rtol=4 / np.sqrt(1000))
 
 
-def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
-    """The proposal of the first round is useless: only those of later rounds are averaged."""
+def test_particles_exclude_draws_to_which_the_proposal_was_fitted():
+    """The proposal of the first round is useless: only later rounds are averaged."""
     score, exact = normal_problem()
     seen, fitted = [], []
 
     def builder(points, log_weights, rng, current):
         fitted.append(points)
         good = expectation_maximisation(points, log_weights, rng, current)
-        # So wide after adaptation that another round is needed.
+        # The proposal is too wide after adaptation, so that another round is needed.
         first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
         return good.widened(12.0) if first_rounds else good
 
@@ -157,7 +157,7 @@ def test_method_of_an_integral_depends_on_the_number_of_unknowns(
     assert_agrees(found.log_value, problem.log_evidence, 0.15)
 
 
-class OfErrors(Target):
+class SquaredErrors(Target):
     """Standard normal priors, a likelihood of squared errors, and Gauss-Newton curvatures."""
 
     has_gradients = False
@@ -216,23 +216,25 @@ def assert_integral(target, exact, seeds=4):
 
 
 @pytest.mark.parametrize(
-    "errors", [linear, sharing(2.0, 0.02), *deep([sharing(0.3, 0.02), sharing(8.0, 0.5)])]
+    "errors",
+    [linear, sharing(2.0, 0.02), *deep([sharing(0.3, 0.02), sharing(8.0, 0.5)])],
+    ids=["normal", "load 2", "load 0.3", "load 8"],
 )
-def test_integral_of_a_normal_or_bent_posterior_of_two_unknowns(errors):
-    assert_integral(OfErrors(errors, 2), integral_over_two(errors))
+def test_integral_of_a_normal_or_bent_posterior_equals_a_sum_over_a_grid(errors):
+    assert_integral(SquaredErrors(errors, 2), integral_over_two(errors))
 
 
 @pytest.mark.deep
-def test_integral_over_bent_arms_in_all_directions():
-    """Four pairs of unknowns on rotated axes; arms that are too thin have an infinite error."""
+def test_integral_over_bent_ridges_in_several_directions_is_exact_or_not_reliable():
+    """Four pairs of unknowns on rotated axes; ridges that are too thin give an infinite error."""
     axes = np.linalg.qr(np.random.default_rng(3).standard_normal((8, 8)))[0]
     wide, thin = sharing(0.5, 0.05), sharing(3.0, 0.05)
-    assert_integral(OfErrors(wide, 8, axes), 4 * integral_over_two(wide))
-    found = integrate(OfErrors(thin, 8, axes), 1000, np.random.default_rng(0))
+    assert_integral(SquaredErrors(wide, 8, axes), 4 * integral_over_two(wide))
+    found = integrate(SquaredErrors(thin, 8, axes), 1000, np.random.default_rng(0))
     assert found.log_value.standard_error == np.inf
 
 
-def test_laplace_approximations_about_normal_draws_are_the_normal_density():
+def test_laplace_approximations_about_normal_draws_have_the_normal_moments():
     rng = np.random.default_rng(1)
     place, root = np.array([1.0, -2.0, 0.5]), np.array([[1, 0, 0], [0.9, 0.1, 0], [0.3, -0.2, 2]])
     covariance = root @ root.T
@@ -289,7 +291,7 @@ def effective_fraction(density, mixture):
     return fraction
 
 
-class OfDensity(Target):
+class KnownDensity(Target):
     """A density whose curvature is unknown, under a prior that is part of it."""
 
     has_gradients = False
@@ -301,9 +303,11 @@ class OfDensity(Target):
         return evaluation(self._density(points), np.zeros(len(points)))
 
 
-@pytest.mark.parametrize(("density", "least"), [(normal, 0.97), (bent, 0.4), (two, 0.3)])
-def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, least):
-    """Curvatures are second differences; draws are of the density itself."""
+@pytest.mark.parametrize(
+    ("density", "smallest_fraction"), [(normal, 0.97), (bent, 0.4), (two, 0.3)]
+)
+def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, smallest_fraction):
+    """Curvatures are second differences; the draws follow the density itself."""
     rng = np.random.default_rng(SEED)
     x = rng.standard_normal((4000, 3))
     draws = np.stack([x[:, 0], 0.8 * x[:, 0] ** 2 + 0.1 * x[:, 1], -0.5 * x[:, 0] + 0.2 * x[:, 2]])
@@ -311,8 +315,8 @@ def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, least):
     if density is normal:
         covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.02], [0.0, 0.02, 0.01]])
         draws = rng.multivariate_normal([0.5, -1.0, 0.2], covariance, 4000)
-    target, unweighted = OfDensity(density, 3), np.zeros(4000)
+    target, unweighted = KnownDensity(density, 3), np.zeros(4000)
     start = GaussianMixture.fit(draws, 1, rng)
     mixture = laplace_mixture(target, draws, unweighted, rng, start)
     assert density is normal or effective_fraction(density, start) < 0.2
-    assert effective_fraction(density, mixture) > least
+    assert effective_fraction(density, mixture) > smallest_fraction

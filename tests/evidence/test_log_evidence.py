@@ -21,8 +21,8 @@ def test_variances_within_chains_are_averaged():
     assert combine_chains(np.zeros(2), np.array([0.3, 0.4])) == pytest.approx((0.0, 0.25))
 
 
-def test_spread_of_chains_counts_if_it_is_significant_at_one_per_cent():
-    """The spread replaces the errors where chance explains it less than once in a hundred times.
+def test_spread_of_chains_is_used_if_it_is_significant_at_one_per_cent():
+    """The spread replaces the errors if chance explains it in less than one of a hundred cases.
 
     The critical ratio of variances of ``n`` chains is ``chi2(0.99; n - 1)/(n - 1)``: 6.6349 for two
     chains, 11.3449/3 for four. Two chains that are one nat apart have the variance 1/2: the
@@ -40,7 +40,7 @@ def test_spread_of_chains_counts_if_it_is_significant_at_one_per_cent():
             assert error == pytest.approx(1.0001 * critical / np.sqrt(chains), rel=1e-9)
 
 
-def test_error_of_chains_that_are_far_apart_has_no_ceiling():
+def test_error_of_chains_that_are_far_apart_is_not_bounded():
     assert combine_chains(np.array([-100.0, -370, -370, -370]), np.full(4, 0.3))[1] > 50
 
 
@@ -49,14 +49,14 @@ def test_error_is_infinite_if_a_chain_failed():
     assert combine_chains(np.array([-100.0, -100.0]), np.array([0.3, np.nan]))[1] == np.inf
 
 
-def test_error_of_specimens_is_common_to_all_chains():
-    """It is added to the error of the mean of the chains, and is not divided by their number."""
+def test_error_from_specimens_is_not_divided_by_the_number_of_chains():
+    """It is added to the error of the mean over the chains."""
     evidence = {"log_evidence": ("chain", [-3.0, -3.0]), "log_evidence_se": ("chain", [0.3, 0.4])}
     tree = xr.DataTree.from_dict({"evidence": xr.Dataset(evidence).assign(specimens_se=0.6)})
     assert ph.log_evidence(tree) == pytest.approx((-3.0, 0.65))
 
 
-def test_estimate_is_a_number_and_text():
+def test_estimate_converts_to_float_and_text():
     estimate = ph.Estimate(-41.2704, 0.0312)
     assert (float(estimate), str(estimate)) == (-41.2704, "-41.270 ± 0.031")
 

@@ -22,7 +22,7 @@ def mixture(dimension: int) -> GaussianMixture:
 
 
 @pytest.mark.parametrize("dimension", [1, 5])
-def test_density_equals_that_of_scipy(dimension):
+def test_mixture_density_equals_scipy(dimension):
     """The heavy-tailed version is ``1 + 0.6/d`` wider, with ``max(1, d/2)`` degrees of freedom."""
     normal = mixture(dimension)
     points = np.random.default_rng(1).normal(0, 10, (50, dimension))
@@ -48,7 +48,7 @@ def test_density_equals_that_of_scipy(dimension):
 
 
 @pytest.mark.parametrize("heavy", [False, True])
-def test_gradient_equals_differences_of_the_density(heavy):
+def test_gradient_equals_difference_quotients_of_the_density(heavy):
     of = mixture(5).heavy_tailed() if heavy else mixture(2)
     points = np.random.default_rng(SEED).normal(0, 2, (5, of.means.shape[1]))
     value, gradient = of.gradient(points)
@@ -79,7 +79,7 @@ def test_draws_of_a_component_have_its_covariance():
     np.testing.assert_allclose(back, one.factors[1].T @ standard[0], rtol=ROUNDING)
 
 
-def test_joined_mixture_has_both_densities_in_the_given_shares():
+def test_joined_mixture_weights_both_densities_by_the_given_share():
     first, second = mixture(2), mixture(2).widened(4.0)
     points = np.random.default_rng(1).normal(0, 5, (20, 2))
     expected = np.logaddexp(
@@ -98,7 +98,7 @@ def test_number_of_components_grows_with_the_number_of_points():
     assert components_for(5, 20) == 1
 
 
-def test_log_sum_exp_equals_that_of_scipy():
+def test_log_sum_exp_equals_scipy():
     terms = np.random.default_rng(SEED).normal(0, 50, (4, 3, 5)) + np.array([-1e4, 0, 1e4])[:, None]
     np.testing.assert_allclose(log_sum_exp(terms), logsumexp(terms, axis=-1), rtol=ROUNDING)
 

@@ -10,7 +10,7 @@ ROUNDING = 1e-9
 
 
 def test_normal_proposal_keeps_only_significant_correlations():
-    """It keeps none of forty independent unknowns, and those of a common factor."""
+    """Forty independent unknowns have no correlation, unknowns with a common factor keep theirs."""
     rng = np.random.default_rng(SEED)
     independent = rng.normal(size=(2, 100, 40))
     common = 0.1 * independent + rng.normal(size=(2, 100, 1))
@@ -23,8 +23,8 @@ def test_normal_proposal_keeps_only_significant_correlations():
         np.testing.assert_allclose(np.diagonal(covariance), variances, rtol=ROUNDING)
 
 
-def test_mixture_is_the_proposal_that_predicts_held_out_draws():
-    """One normal density, one Student density, or a mixture."""
+def test_fitted_proposal_is_the_one_that_predicts_held_out_draws_best():
+    """The cases need one normal density, one Student density, and a mixture."""
     rng = np.random.default_rng(SEED)
     normal = rng.normal(size=(4, 500, 3))
     student = rng.standard_normal((4, 500, 8)) / rng.gamma(2, 0.5, (4, 500, 1))

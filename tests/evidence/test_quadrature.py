@@ -17,7 +17,7 @@ def assert_evidence(model, exact):
     assert found.standard_error < CLOSED_FORM_TOLERANCE
 
 
-def test_narrow_modes_far_apart_both_count():
+def test_evidence_of_two_narrow_modes_far_apart_is_exact():
     """Each of the two modes is ten thousand times narrower than the prior."""
     sd, centres = 2e-3, np.array([[-6.0, 3.0], [6.0, -3.0]])
     with pm.Model() as model:
@@ -27,7 +27,7 @@ def test_narrow_modes_far_apart_both_count():
     assert_evidence(model, np.log(2) - 2 * np.log(20.0))
 
 
-def test_posterior_at_the_bound_of_a_prior():
+def test_evidence_of_a_posterior_at_the_bound_of_a_prior_is_exact():
     """The distribution function gives the share within the bounds of the uniform prior."""
     with pm.Model() as model:
         x = pm.Uniform("x", 0.0, 10.0)
@@ -35,7 +35,7 @@ def test_posterior_at_the_bound_of_a_prior():
     assert_evidence(model, norm(10.2, 0.5).logcdf(10.0) - np.log(10))
 
 
-def test_other_models_are_refused():
+def test_more_than_two_unknowns_or_no_model_are_refused():
     with pm.Model() as model:
         x = pm.Normal("x", shape=3)
         pm.Normal("y", x.sum(), observed=1.0)

@@ -35,8 +35,8 @@ def tree(model):
     return ph.sample_smc(model, **RUN)
 
 
-def test_result_records_a_seed_that_repeats_it(model):
-    """Without a seed one is chosen; from a generator one is drawn, another one for each call."""
+def test_recorded_seed_repeats_the_result(model):
+    """Without a seed one is chosen; a generator gives another seed for each call."""
     rng = np.random.default_rng(SEED)
     runs = [ph.sample_smc(model, **FEW | {"random_seed": seed}) for seed in (None, rng, rng)]
     for run in runs[:2]:
@@ -79,7 +79,7 @@ def test_evidence_group_summarises_the_stages(tree):
     assert checks <= set(tree["diagnosis"]["check"].values)
 
 
-def test_variables_are_stored_on_both_scales(tree):
+def test_variables_are_stored_constrained_and_unconstrained(tree):
     posterior, unconstrained = tree["posterior"], tree["unconstrained_posterior"]
     np.testing.assert_allclose(np.log(posterior["scale"]), unconstrained["scale_log__"])
     np.testing.assert_array_equal(posterior["slope"].values, unconstrained["slope"].values)
@@ -89,13 +89,13 @@ def test_variables_are_stored_on_both_scales(tree):
     assert tree["observed_data"]["y"].values.tolist() == [0.4, 1.2, 2.9, 1.0, 3.8]
 
 
-def test_var_names_chooses_the_stored_variables(model):
+def test_var_names_selects_the_stored_variables(model):
     kept = ph.sample_smc(model, **FEW, var_names=["steepness"])
     assert list(kept["posterior"].data_vars) == ["steepness"]
 
 
 def test_only_tempered_terms_enter_the_evidence():
-    """Other terms count as prior; the particles of `start` are drawn from their posterior."""
+    """Other terms belong to the prior; the particles of `start` are drawn from it."""
     noise, first, second = 0.5, 0.8, -0.4
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1)

@@ -15,10 +15,11 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.calibration import _number_of_bins, _rank, _uniformity
 
 SEED = 20260
-# P-values below which a right model fails (once in a hundred seeds), and a wrong one must fail.
-PASSES, FAILS = 0.01, 1e-6
+# A right model has a p-value below the first number for one seed in a hundred; a wrong model must
+# have a p-value below the second number.
+MAY_FAIL, MUST_FAIL = 0.01, 1e-6
 POINTS = 20
-# Particles of one unknown need no reference, the search for which takes most of the time.
+# One unknown needs no search for a reference, which takes most of the time.
 FROM_PRIOR = {"from_modes": False}
 
 
@@ -45,16 +46,16 @@ def test_only_a_wrong_standard_deviation_has_a_small_p_value(simulated, fitted, 
     assert sbc.attrs["bins"] == min(simulations // 10, 20)
     assert sbc["rank"].min() >= 0 and sbc["rank"].max() <= 99
     if simulated == fitted:
-        assert sbc["p_value"].item() > PASSES
+        assert sbc["p_value"].item() > MAY_FAIL
         return
-    assert sbc["p_value"].item() < FAILS
+    assert sbc["p_value"].item() < MUST_FAIL
     at_the_ends = np.isin(sbc["rank"].values // 10, (0, 9)).mean()
     # 0.2 for a right model. A posterior 2.5 times too narrow: 2 Φ(-1.28/2.5) = 0.61, and four
     # standard errors of 100 simulations are 0.2.
     assert at_the_ends > 0.4 if simulated > fitted else at_the_ends < 0.15
 
 
-def test_ranks_are_those_of_the_exact_posterior():
+def test_ranks_agree_with_the_exact_posterior():
     """At a truth with the posterior CDF ``u``, the rank among 99 draws is binomial (99, u).
 
     The simulator has no noise: all points lie 0.1 above the mean ``m``, and the posterior is
@@ -66,7 +67,7 @@ def test_ranks_are_those_of_the_exact_posterior():
     u = norm.cdf(truth, mean, sd)
     scores = (rank - 99 * u) / np.sqrt(99 * u * (1 - u))
     # The particles are a sample of about 500 draws themselves, which adds to the variance.
-    assert chi2.sf(np.sum(scores**2) / (1 + 99 / 500), len(u)) > PASSES
+    assert chi2.sf(np.sum(scores**2) / (1 + 99 / 500), len(u)) > MAY_FAIL
     assert abs(scores.mean()) < 4 * (1 + 99 / 500) / np.sqrt(len(u))
     # Standard errors of 500 particles: 4 % of the sd for the mean, and 3 % for the sd.
     np.testing.assert_allclose(sbc["posterior_mean"].values[:, 0], mean, atol=0.25 * sd)
@@ -99,7 +100,7 @@ def test_each_entry_of_each_variable_is_ranked():
     assert model["y_data"].get_value().tolist() == [1, 1, 1, 1]
 
 
-def test_result_records_a_seed_that_repeats_it():
+def test_recorded_seed_repeats_the_result():
     unseeded = calibrate(conjugate(), random_seed=None, **FROM_PRIOR)
     seed = json.loads(unseeded.attrs["random_seed"])
     xr.testing.assert_identical(calibrate(conjugate(), random_seed=seed, **FROM_PRIOR), unseeded)
@@ -131,11 +132,13 @@ def test_ties_are_broken_at_random():
     ("simulations", "ranked_draws", "bins"),
     [(199, 99, 10), (19, 99, 1), (20, 99, 2), (300, 100, 1), (5000, 99, 20)],
 )
-def test_bins_have_equal_width_and_ten_ranks_on_average(simulations, ranked_draws, bins):
+def test_number_of_bins_gives_equal_widths_and_ten_ranks_on_average(
+    simulations, ranked_draws, bins
+):
     assert _number_of_bins(simulations, ranked_draws) == bins
 
 
-def test_p_value_is_that_of_pearson():
+def test_p_value_equals_pearsons_chi_squared_test():
     """Counts of 30 and 10 instead of 20 each: a chi-square of 10 with one degree of freedom."""
     rank = np.repeat([1, 2], [30, 10])[:, None]
     assert _uniformity(rank, 2, 3) == pytest.approx([chi2.sf(10, 1)], rel=ROUNDING)
@@ -176,12 +179,12 @@ def unlike(**changes):
         (conjugate(), {"ranked_draws": 0}, "ranked_draws is 0"),
     ],
 )
-def test_wrong_input_is_refused(model, settings, message):
+def test_wrong_input_of_calibration_is_refused(model, settings, message):
     with pytest.raises((TypeError, ValueError), match=message), np.errstate(invalid="ignore"):
         calibrate(model, **settings)
 
 
-def test_errors_of_a_fit_name_the_simulation():
+def test_errors_during_a_fit_name_the_simulation():
     """The data may be impossible for the model, or a deterministic may not be finite."""
     with pm.Model() as model:
         pm.Uniform("y", 0, pm.Uniform("mean", 0, 1), observed=np.zeros(POINTS))

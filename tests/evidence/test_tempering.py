@@ -36,7 +36,7 @@ def normal_means(count=6, op=lambda x: 2 * x):
     return model, stats.norm(0, np.sqrt(5)).logpdf(measured).sum()
 
 
-def test_gradients_of_prior_and_likelihood_equal_differences():
+def test_gradients_of_prior_and_likelihood_equal_difference_quotients():
     rng = np.random.default_rng(SEED)
     design = rng.normal(size=(20, 6))
     with pm.Model() as model:
@@ -59,7 +59,7 @@ def test_gradients_of_prior_and_likelihood_equal_differences():
     np.testing.assert_allclose(gradient, sum(found))
 
 
-def test_reference_is_the_prior_and_a_mixture_in_given_shares():
+def test_reference_mixes_the_prior_and_a_mixture_in_given_shares():
     """Its density, gradient and draws; the mixture is far from the prior."""
     mixture = GaussianMixture(
         np.log([0.3, 0.7]),
@@ -83,7 +83,7 @@ def test_reference_is_the_prior_and_a_mixture_in_given_shares():
     assert np.sum(drawn[:, 0] == 0) == 10
 
 
-def test_first_step_of_tempering():
+def test_first_tempering_step_follows_from_the_particle_weights():
     """Temperature, evidence and variance of independent particles follow from their weights."""
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
@@ -110,7 +110,7 @@ def test_first_step_of_tempering():
 
 
 @pytest.mark.parametrize("dimension", [2, 8])
-def test_particles_stay_distributed_as_the_posterior(dimension):
+def test_moves_keep_particles_distributed_as_the_posterior(dimension):
     """Random walks in few unknowns, Hamiltonian moves in more; step lengths are adapted."""
     model, _ = normal_means(dimension)
     rng = np.random.default_rng(SEED)
@@ -131,7 +131,7 @@ def test_particles_stay_distributed_as_the_posterior(dimension):
     np.testing.assert_allclose(last.std(axis=0), sd, rtol=4 / np.sqrt(1000))
 
 
-def test_particles_move_once_a_stage_after_too_many_stages_without_forgetting():
+def test_after_the_limit_of_capped_stages_particles_move_once_per_stage():
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
     particles, moves = target.draw_prior(100, rng), []
@@ -145,7 +145,7 @@ def test_particles_move_once_a_stage_after_too_many_stages_without_forgetting():
     assert np.isfinite(TemperedSMC(GeometricPath(target), particles, rng).run().variance)
 
 
-def test_nans_are_counted_by_path():
+def test_path_counts_nan_scores():
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1, shape=5)
         pm.Potential("p", pt.sqrt(x[0]) - pt.sum(x**2))
@@ -162,7 +162,7 @@ def test_model_without_gradients_is_sampled():
     assert_agrees(ph.log_evidence(tree), exact, 0.1)
 
 
-def test_search_with_a_costly_density():
+def test_search_with_an_expensive_density_still_finds_the_mode():
     class Costly(Target):
         def cost(self):
             return 10**9
@@ -172,7 +172,7 @@ def test_search_with_a_costly_density():
     np.testing.assert_allclose(found.evidence["log_masses"], [exact], atol=0.01)
 
 
-def test_bridge_from_tempered_particles():
+def test_bridge_from_tempered_particles_gives_the_exact_evidence():
     """Each call moves the particles further, and returns as many draws as it is asked for."""
     model, exact = normal_means(30)
     rng = np.random.default_rng(1)
@@ -186,8 +186,8 @@ def test_bridge_from_tempered_particles():
 
 
 @pytest.mark.parametrize("factor", [1.5, *deep([1.0, -1.0])])
-def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
-    """Gradients are too steep or of another sign."""
+def test_guide_with_wrong_gradients_still_gives_the_exact_distribution(factor):
+    """The gradients of the guide are too steep or have the opposite sign."""
 
     class Wrong(Target):
         def gradients(self, points):
@@ -203,4 +203,5 @@ def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
         assert error < 0.1
         off = np.abs(found.particles.mean(axis=0) - problem.mean)
         np.testing.assert_array_less(off, 0.2 * problem.sd)
+        # The relative standard error is 1.6 % for independent particles; these are correlated.
         assert found.particles.std(axis=0) == pytest.approx(problem.sd, rel=0.12)

@@ -15,7 +15,7 @@ from pymc_hyperelastic.evidence.weights import (
 SEED = 20250
 
 
-def test_effective_sample_size_is_the_squared_sum_over_the_sum_of_squares():
+def test_effective_sample_size_is_the_squared_sum_over_the_sum_of_squared_weights():
     assert effective_sample_size(np.full(7, -1e5)) == pytest.approx(7, rel=ROUNDING)
     assert effective_sample_size(np.array([2.0, -np.inf, 2.0])) == pytest.approx(2, rel=ROUNDING)
     # (1 + 3)^2/(1 + 9)
@@ -23,7 +23,7 @@ def test_effective_sample_size_is_the_squared_sum_over_the_sum_of_squares():
     assert effective_sample_size(np.full(4, -np.inf)) == 0
 
 
-def test_pareto_shape_of_pareto_weights():
+def test_pareto_shape_of_pareto_weights_equals_arviz():
     """The logarithm of a Pareto variable is exponential; ArviZ fits the same tail."""
     rng = np.random.default_rng(SEED)
     for shape in (0.3, 0.6):
@@ -34,7 +34,7 @@ def test_pareto_shape_of_pareto_weights():
         assert found == pytest.approx(shape, abs=0.2)
 
 
-def test_pareto_shape_of_weights_with_a_common_bound():
+def test_bound_of_the_weights_limits_their_pareto_shape():
     """If the largest weight is below ten times the mean, its logarithm limits the shape."""
     draws = 2.0 * np.random.default_rng(SEED).exponential(size=2000)
     above_mean = {}
@@ -50,13 +50,13 @@ def test_pareto_shape_of_weights_with_a_common_bound():
     assert pareto_shape(heavy) == pytest.approx(array_stats.psislw(-heavy)[1], rel=ROUNDING)
 
 
-def test_pareto_shape_without_a_tail():
+def test_pareto_shape_of_equal_weights_is_minus_infinity_and_of_no_weights_infinity():
     assert pareto_shape(np.array([-3.0, -np.inf, -3.0])) == -np.inf
     assert pareto_shape(np.full(4, -np.inf)) == np.inf
     assert pareto_shape(np.array([])) == np.inf
 
 
-def test_largest_step_keeps_the_fraction_effective():
+def test_largest_step_keeps_the_requested_fraction_of_particles_effective():
     """The fraction refers to the particles of nonzero weight.
 
     The step is found to one per cent, and the logarithm of the effective size of normal log weights
@@ -72,14 +72,14 @@ def test_largest_step_keeps_the_fraction_effective():
             assert np.log(effective / 900) == pytest.approx(np.log(fraction), rel=4e-3)
 
 
-def test_largest_step_is_exactly_what_remains_if_enough_particles_stay_effective():
+def test_largest_step_is_the_remaining_step_if_enough_particles_stay_effective():
     logp = np.array([0.0, 0.1, -0.1, 0.05])
     assert largest_step(logp, 0.5, 0.37) == 0.37
     assert largest_step(np.full(5, -3.0), 0.99, 1.0) == 1.0
 
 
-def test_largest_step_multiplies_the_weights_from_before():
-    """If these are too uneven already, the step is 0."""
+def test_largest_step_includes_the_previous_weights():
+    """If the previous weights are too uneven already, the step is 0."""
     logp = np.linspace(-1, 1, 10)
     before = np.where(np.arange(10) == 9, 0.0, -20.0)
     assert largest_step(logp, 0.5, 1.0, before) == 0.0

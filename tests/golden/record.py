@@ -41,7 +41,7 @@ QUADRATURE = 1e-6
 # Limits of sampled numbers: combined standard errors, which one number in 16000 exceeds by chance,
 # and units of the number, see `cases.Sampled`.
 STANDARD_ERRORS, UNITS = 4.0, 0.1
-# Any seed.
+# The random seed, which can be any number.
 SEED = 20260
 
 # Largest distance of each point below the mode of the density, in nats. Near the mode priors and

@@ -1,4 +1,4 @@
-"""Every number of the package that was recorded is still the same, see record.py."""
+"""Recorded numbers of the package have not changed, see record.py."""
 
 import pytest
 import record
@@ -8,7 +8,7 @@ RECORDED = record.read()
 
 @pytest.mark.deep
 @pytest.mark.parametrize("case", record.CASES)
-def test_numbers_are_the_recorded_ones(case):
+def test_numbers_equal_the_recorded_numbers(case):
     """Deterministic numbers up to rounding, sampled numbers up to Monte Carlo error."""
     found = record.entry(case, RECORDED[case])
     assert not record.differences(case, RECORDED[case], found)

@@ -21,8 +21,8 @@ from pymc_hyperelastic.models.priors import prior_from_record
 from pymc_hyperelastic.models.settings import SETTINGS, ModelSettings
 from pymc_hyperelastic.reports.settings import settings_of
 
-# Words of Python's own errors, which do not help a user.
-BARE = re.compile(
+# Words of errors that Python or NumPy raise themselves, and that do not help a user.
+PYTHON_ERRORS = re.compile(
     r"subscriptable|NoneType|could not convert|not iterable|zip\(\)|broadcast|unhashable|ufunc|"
     r"invalid literal|truth value|unexpected keyword|unsupported operand|out of bounds|singular|"
     r"not supported between|must be real number|positional argument|has no attribute|same kind|"
@@ -61,7 +61,7 @@ def one(tree: xr.DataTree) -> xr.DataTree:
     return tree if groups & set(tree.children) else next(iter(tree.children.values()), tree)
 
 
-OF_ONE = {
+CALLS_OF_ONE_CLASS = {
     "log_evidence": lambda tree: ph.log_evidence(one(tree)),
     "diagnose_evidence": lambda tree: ph.diagnose_evidence(one(tree)),
     "predict_pressure": lambda tree: ph.predict_pressure(one(tree), [8.0, 8.5], tube=TUBE),
@@ -87,7 +87,7 @@ OF_CLASSES = {
     },
     "sampled": {},
 }  # fmt: skip
-CALLS = {kind: OF_ONE | own for kind, own in OF_CLASSES.items()}
+CALLS = {kind: CALLS_OF_ONE_CLASS | own for kind, own in OF_CLASSES.items()}
 
 
 def refusal(call: Callable[[xr.DataTree], object], damaged: xr.DataTree) -> str:
@@ -97,7 +97,7 @@ def refusal(call: Callable[[xr.DataTree], object], damaged: xr.DataTree) -> str:
         try:
             call(damaged)
         except (TypeError, ValueError) as error:
-            assert str(error) and not BARE.search(str(error)), error
+            assert str(error) and not PYTHON_ERRORS.search(str(error)), error
             return str(error)
     return ""
 
@@ -189,18 +189,24 @@ def texts(name: str):
 BLAME = "it was not written by pymc_hyperelastic, or is damaged"
 # A kind of result, its damage, a call, and a regular expression of the message.
 DAMAGE = {
-    "half an attribute": ("pooled", attribute(SETTINGS, "{"), "classify", "settings is no JSON"),
-    "a number": ("pooled", attribute(SETTINGS, 1.5), "classify", "model_settings is 1.5; expected"),
-    "nested": ("pooled", attribute(SETTINGS, "[" * 100_000), "classify", "model_settings is no J"),
-    "older": ("pooled", attribute(SETTINGS, "{}"), "classify", "have the format None; expected 2"),
+    "attribute cut off": ("pooled", attribute(SETTINGS, "{"), "classify", "settings is no JSON"),
+    "settings are a number": (
+        "pooled", attribute(SETTINGS, 1.5), "classify", "model_settings is 1.5; expected",
+    ),
+    "settings nested too deeply": (
+        "pooled", attribute(SETTINGS, "[" * 100_000), "classify", "model_settings is no J",
+    ),
+    "settings of an older format": (
+        "pooled", attribute(SETTINGS, "{}"), "classify", "have the format None; expected 2",
+    ),
     "negative noise": ("pooled", within("likelihood", "sigma", value=-1), "classify", "sigma.*-1"),
     "no noise": ("pooled", within("likelihood", value=None), "classify", "'C1' is no class"),
     "no priors": ("pooled", within("priors", value={}), "classify", "priors lack.*'mu'"),
     "unknown law": (
         "pooled", within("layers", 0, "strain_energy", value="Own"), "classify", "'Own'.*import",
     ),
-    "other entry": ("pooled", within("weight", value=1), "classify", "unknown entries .'weight'"),
-    "variability": (
+    "unknown entry": ("pooled", within("weight", value=1), "classify", "unknown entries .'weight'"),
+    "unknown variability": (
         "variable", within("variability", value="cloud"), "classify", "'cloud'.*'specimen'",
     ),
     "no posterior": ("sampled", group("posterior", gone), "predict_pressure", "no posterior"),
@@ -219,41 +225,51 @@ DAMAGE = {
     "unknown verdict": (
         "sampled", attribute("verdict", "splendid"), "log_evidence", "'splendid'.*'doubtful'",
     ),
-    "effect": ("variable", within("experiment_effect", value=1), "classify", "is 1; expected t"),
-    "stress": ("variable", within("reference_stress", value=-1), "classify", "is -1; expected a"),
-    "errors": ("variable", within("likelihood", "pressure_sd", value=[]), "classify", "is .]; exp"),
-    "measure": (
+    "experiment effect is a number": (
+        "variable", within("experiment_effect", value=1), "classify", "is 1; expected t",
+    ),
+    "negative reference stress": (
+        "variable", within("reference_stress", value=-1), "classify", "is -1; expected a",
+    ),
+    "error is a list": (
+        "variable", within("likelihood", "pressure_sd", value=[]), "classify", "is .]; exp",
+    ),
+    "geometry error is text": (
         "variable", within("geometry_sd", value={"thickness": "a"}), "classify",
         "geometry_sd.thickness is 'a'; expected a number or null",
     ),
     "no layer": ("variable", layered(within("layers", value=[])), "classify", "holds no layers"),
-    "no list": ("variable", layered(within("layers", value={})), "classify", "expected a JSON li"),
-    "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "is 3; expected"),
-    "law of a layer": (
+    "layers are no list": (
+        "variable", layered(within("layers", value={})), "classify", "expected a JSON li",
+    ),
+    "layer is a number": (
+        "variable", layered(within("layers", 0, value=3)), "classify", "is 3; expected",
+    ),
+    "invalid law of a layer": (
         "variable", layered(within("layers", 0, "settings", value="[")), "classify",
         r"layers\[0\].settings is '\['; expected a JSON object",
     ),
-    "no value": (
+    "layer without thickness": (
         "variable", layered(within("layers", 1, "values", value={})), "classify",
         "its layers have the values .*{}.; expected a thickness in each",
     ),
-    "lacking value": (
+    "layer without parameters": (
         "variable", layered(within("layers", 1, "values", value={"thickness": 1.0})), "classify",
         "a layer of Demiray has the values {'thickness': 1.0}; expected ",
     ),
-    "size of a value": (
+    "parameter of a layer is a list": (
         "variable", layered(within("layers", 1, "values", "b", value=[])), "classify",
         r"b of a layer has the values \[\]; expected",
     ),
-    "number of a material": (
+    "material has a fixed parameter": (
         "pooled", within("layers", 0, "values", "mu", value=2.0), "classify",
         "its layers have the values .*2.0.*; expected a thickness in each, or one material",
     ),
-    "value of a layer": (
+    "parameter of a layer is null": (
         "variable", layered(within("layers", 1, "values", "b", value=None)), "classify",
         r"layers\[1\].values.b is None; expected text or a number or a JSON list",
     ),
-    "thickness": (
+    "thickness without prior": (
         "variable", layered(within("thickness_priors", value={})), "classify",
         "thickness_priors lack 'thickness_1'",
     ),
@@ -261,12 +277,12 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("kind, change, call, message", DAMAGE.values(), ids=DAMAGE)
-def test_message_names_what_is_damaged_and_what_was_expected(kind, change, call, message):
+def test_damaged_part_of_a_result_is_refused_with_what_was_expected(kind, change, call, message):
     found = refusal(CALLS[kind][call], altered(kind, change))
     assert re.search(message, found, re.DOTALL), found or "it was accepted"
 
 
-def test_message_names_the_file_of_the_result(tmp_path):
+def test_refusal_of_a_result_from_a_file_names_the_file(tmp_path):
     ph.save_result(result("pooled"), tmp_path / "classes.nc")
     classes = ph.open_result(tmp_path / "classes.nc")
     for fitted_class in classes.children.values():
@@ -277,13 +293,13 @@ def test_message_names_the_file_of_the_result(tmp_path):
     )
 
 
-def test_settings_are_checked_when_a_result_is_opened(tmp_path):
+def test_open_result_refuses_wrong_settings(tmp_path):
     ph.save_result(altered("pooled", within("likelihood", "sigma", value=-1)), tmp_path / "bad.nc")
     with pytest.raises(ValueError, match=r"the result of .*bad\.nc: .*sigma is -1"):
         ph.open_result(tmp_path / "bad.nc")
 
 
-def test_a_result_without_a_record_names_the_version_that_it_needs():
+def test_result_without_stored_settings_is_refused_with_the_version_it_needs():
     older = altered("pooled", attribute(SETTINGS))
     for fitted_class in older.children.values():
         fitted_class.attrs["priors"] = "{}"
@@ -309,7 +325,7 @@ def test_a_result_without_a_record_names_the_version_that_it_needs():
         (attribute("units", '{"mu": [1]}'), "'units' is {'mu': [1]}; expected the unit of each"),
     ],
 )
-def test_settings_of_a_report_look_up_no_name_of_a_file_in_a_library(change, message):
+def test_names_of_distributions_in_settings_are_not_imported(change, message):
     found = refusal(settings_of, altered("pooled", change))
     assert message in found and found.startswith("class 'C1'") and len(found) < 2000, found
 
@@ -317,7 +333,7 @@ def test_settings_of_a_report_look_up_no_name_of_a_file_in_a_library(change, mes
 UNIFORM = ["Uniform", [0.0, 1.0]]
 
 
-def test_records_of_priors_are_looked_up_in_a_table_and_checked():
+def test_prior_records_with_unknown_names_or_parameters_are_refused():
     limits, parameters = [0.0, 1.0], ([0.0], "01", [0.0, "1"], [0.0, np.nan], [0.0, [1.0, 2.0]])
     sizes = [*UNIFORM, 0], [*UNIFORM, 2, 2], [*UNIFORM, True]
     names = ("os.system", "Mixture", ["Uniform"])
@@ -421,9 +437,9 @@ def same_numbers(found, expected) -> bool:
 )
 # Nearly every case makes a model of its own, which is evaluated a few times.
 @pytensor.config.change_flags(mode="FAST_COMPILE", traceback__limit=0)
-def test_each_damage_is_refused_by_its_name_or_changes_no_number(kind, every):
-    """The calls take turns."""
-    calls = list((CALLS[kind] if every == 1 else OF_ONE).items())
+def test_every_systematic_damage_is_refused_with_its_part_or_changes_no_number(kind, every):
+    """Consecutive damages are tested with different calls."""
+    calls = list((CALLS[kind] if every == 1 else CALLS_OF_ONE_CLASS).items())
     refused, wrong = 0, []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -440,7 +456,9 @@ def test_each_damage_is_refused_by_its_name_or_changes_no_number(kind, every):
                 found = call(damaged)
             except (TypeError, ValueError) as error:
                 refused += 1
-                if BARE.search(str(error)) or not any(part in str(error) for part in names):
+                if PYTHON_ERRORS.search(str(error)) or not any(
+                    part in str(error) for part in names
+                ):
                     wrong.append(f"{name}, {what}: {error}")
             else:
                 if not same_numbers(found, expected[name]):

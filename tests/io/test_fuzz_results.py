@@ -304,7 +304,7 @@ CHECKS = {"saving": check_saving, "opening": check_opening}
 )
 # h5py and h5netcdf cannot close some files that they could not open, and warn of that.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_random_results_are_given_back_or_refused_in_one_line(check, cases, tmp_path):
+def test_random_results_are_stored_unchanged_or_refused_in_one_line(check, cases, tmp_path):
     first = 0 if FUZZ == 1 else random.randrange(10**9)
     outcomes = {CHECKS[check](seed, tmp_path) for seed in range(first, first + cases)}
     assert outcomes >= {"refused", "saved" if check == "saving" else "opened"}

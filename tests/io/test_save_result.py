@@ -1,4 +1,4 @@
-"""Results in files: the same after reading, complete or absent, and checked by their checksum."""
+"""Saved results: unchanged after opening, complete or absent, and verified by a checksum."""
 
 import errno
 import os
@@ -47,7 +47,7 @@ def every_group() -> xr.DataTree:
 
 
 @pytest.mark.parametrize("make", [every_type, every_group])
-def test_a_result_is_the_same_after_writing_and_reading(make, tmp_path):
+def test_result_is_unchanged_after_saving_and_opening(make, tmp_path):
     result = make()
     ph.save_result(result, tmp_path / "result.nc")
     again = ph.open_result(tmp_path / "result.nc")
@@ -58,7 +58,7 @@ def test_a_result_is_the_same_after_writing_and_reading(make, tmp_path):
     assert os.listdir(tmp_path) == ["result.nc"]
 
 
-def test_the_checksum_notices_every_change():
+def test_checksum_differs_after_every_kind_of_change():
     result = every_type()
     number, text = result.copy(deep=True), result.copy(deep=True)
     number["real"].values[0] = np.nextafter(1.5, 2)
@@ -79,7 +79,7 @@ def test_the_checksum_notices_every_change():
     assert digest_of(result.assign_attrs(created_at="today")) == digest_of(result)
 
 
-def test_a_file_that_was_changed_since_is_refused_by_its_checksum(tmp_path):
+def test_file_changed_after_saving_is_refused_by_its_checksum(tmp_path):
     path = tmp_path / "result.nc"
     for change in (
         lambda file: file["C1/p/real"].__setitem__(0, 1.25),
@@ -98,7 +98,7 @@ def test_a_file_that_was_changed_since_is_refused_by_its_checksum(tmp_path):
             ph.open_result(path)
 
 
-def test_a_result_that_was_opened_may_be_changed_and_saved(tmp_path):
+def test_opened_result_can_be_changed_and_saved_again(tmp_path):
     path = tmp_path / "result.nc"
     ph.save_result(every_group(), path)
     tree = ph.open_result(path)
@@ -110,7 +110,7 @@ def test_a_result_that_was_opened_may_be_changed_and_saved(tmp_path):
     assert ph.open_result(path)["more/y"].item() == 2.0
 
 
-def test_a_file_of_an_older_format_names_the_version_that_it_needs(tmp_path):
+def test_file_of_an_older_format_is_refused_with_the_version_it_needs(tmp_path):
     old = every_type().assign_attrs(checksum='{"groups": {}, "sha256": "0"}')
     old.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
     with pytest.raises(ValueError, match=r"old\.nc was written in an older format: it needs py"):
@@ -132,8 +132,8 @@ ERRORS_OF_THE_DISK = {
 
 
 @pytest.mark.parametrize("error", ERRORS_OF_THE_DISK.values(), ids=ERRORS_OF_THE_DISK)
-def test_an_error_of_the_disk_is_raised_as_it_is(error, tmp_path, monkeypatch):
-    """The file may be sound: nobody should take it for a damaged one."""
+def test_error_of_the_disk_is_raised_unchanged(error, tmp_path, monkeypatch):
+    """The file may be intact, so that the error must not call it damaged."""
     ph.save_result(every_type(), tmp_path / "result.nc")
     monkeypatch.setattr(Path, "read_bytes", unreadable(error))
     with pytest.raises(type(error)) as raised:
@@ -141,7 +141,7 @@ def test_an_error_of_the_disk_is_raised_as_it_is(error, tmp_path, monkeypatch):
     assert raised.value is error
 
 
-def test_a_lack_of_memory_while_a_file_is_read_is_raised_as_it_is(tmp_path, monkeypatch):
+def test_memory_error_while_reading_is_raised_unchanged(tmp_path, monkeypatch):
     ph.save_result(every_type(), tmp_path / "result.nc")
 
     def load(*_):
@@ -152,14 +152,14 @@ def test_a_lack_of_memory_while_a_file_is_read_is_raised_as_it_is(tmp_path, monk
         ph.open_result(tmp_path / "result.nc")
 
 
-def test_files_without_a_checksum_are_read(tmp_path):
+def test_file_without_a_checksum_is_opened(tmp_path):
     every_type().to_netcdf(tmp_path / "plain.nc", engine="h5netcdf")
     assert ph.open_result(tmp_path / "plain.nc").equals(every_type())
 
 
 # h5netcdf cannot close a file that it could not open, and warns where no test can catch it.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_damaged_file_raises_an_error_that_names_it(tmp_path):
+def test_damaged_file_is_refused_with_its_name(tmp_path):
     """After a flip of any bit the numbers are the same, or an error names the file."""
     path = tmp_path / "result.nc"
     ph.save_result(every_group(), path)
@@ -181,7 +181,7 @@ def test_a_damaged_file_raises_an_error_that_names_it(tmp_path):
             ph.open_result(path)
 
 
-def test_a_file_that_was_refused_is_not_left_open(tmp_path):
+def test_refused_file_is_closed(tmp_path):
     path = tmp_path / "result.nc"
     ph.save_result(every_type(), path)
     with h5py.File(path, "a") as file:
@@ -202,7 +202,7 @@ def heap(path: Path, size: int) -> None:
     path.write_bytes(content)
 
 
-def test_a_heap_that_hdf5_would_read_without_end_is_refused(tmp_path):
+def test_file_that_hdf5_would_read_endlessly_is_refused(tmp_path):
     path = tmp_path / "result.nc"
     ph.save_result(every_type(), path)
     heap(path, 0)
@@ -210,7 +210,7 @@ def test_a_heap_that_hdf5_would_read_without_end_is_refused(tmp_path):
         ph.open_result(path)
 
 
-def test_wrong_types_and_paths_are_errors(tmp_path):
+def test_wrong_types_and_paths_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no file .*nothing"):
         ph.open_result(tmp_path / "nothing")
     with pytest.raises(TypeError, match=r"a result is a DataTree or a Dataset, not dict"):
@@ -219,7 +219,7 @@ def test_wrong_types_and_paths_are_errors(tmp_path):
         ph.save_result(every_type(), tmp_path / "no folder" / "result.nc")
 
 
-def test_an_interrupted_write_leaves_the_file_as_it_was(tmp_path):
+def test_interrupted_write_leaves_the_old_file_unchanged(tmp_path):
     path = tmp_path / "file"
     path.write_text("before")
     with pytest.raises(KeyboardInterrupt), atomic_write(path) as beside:
@@ -239,7 +239,7 @@ with atomic_write(Path(sys.argv[1])) as beside:
 """
 
 
-def test_a_later_writer_removes_what_a_killed_one_left_of_the_same_file(tmp_path):
+def test_next_writer_removes_the_unfinished_file_of_a_killed_writer(tmp_path):
     pytest.importorskip("fcntl", reason="only Unix has locks of files")
     for name in ("one", "other"):
         subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / name)], check=False)
@@ -253,7 +253,7 @@ def test_a_later_writer_removes_what_a_killed_one_left_of_the_same_file(tmp_path
     assert left.endswith(".unfinished") and (tmp_path / left).read_text() == "half"
 
 
-def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
+def test_attributes_are_stored_as_text_or_numbers_or_refused_by_name(tmp_path):
     result = every_group()
     settings = {"yes": True, "settings": {"a": [1]}, "day": date(2024, 5, 1), "file": Path("x")}
     result["C2"].attrs |= settings
@@ -267,7 +267,7 @@ def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
     assert os.listdir(tmp_path) == ["result.nc"]
 
 
-ODD = {
+UNSTORABLE = {
     "None": (np.array(["a", None], object), "the variable 'odd' of group '/C2' holds object, wh"),
     "NaN in text": (
         np.array(["a", np.nan], object),
@@ -292,8 +292,8 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize("values, message", ODD.values(), ids=ODD)
-def test_what_a_file_would_change_is_refused_by_name(values, message, tmp_path):
+@pytest.mark.parametrize("values, message", UNSTORABLE.values(), ids=UNSTORABLE)
+def test_values_that_a_file_would_change_are_refused_by_name(values, message, tmp_path):
     result = every_group()
     changed = values if isinstance(values, xr.Variable) else ("k", values)
     result["C2"] = xr.DataTree(every_type().assign(odd=changed))
@@ -303,14 +303,14 @@ def test_what_a_file_would_change_is_refused_by_name(values, message, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a/b", "", 3, "a\0b", "\ud800"])
-def test_a_variable_whose_name_a_file_cannot_hold_is_refused(name, tmp_path):
+def test_variable_with_a_name_that_a_file_cannot_hold_is_refused(name, tmp_path):
     with pytest.raises(
         TypeError, match=re.escape(f"the variable {name!r} cannot be written under")
     ):
         ph.save_result(xr.Dataset({name: 1.0}), tmp_path / "result.nc")
 
 
-def test_part_of_a_multiindex_is_refused(tmp_path):
+def test_multiindex_is_refused(tmp_path):
     stacked = xr.Dataset({"x": (("a", "b"), np.eye(2))}, {"a": [1, 2], "b": [1, 2]}).stack(
         s=["a", "b"]
     )
@@ -318,7 +318,7 @@ def test_part_of_a_multiindex_is_refused(tmp_path):
         ph.save_result(stacked, tmp_path / "result.nc")
 
 
-def test_types_in_which_xarray_stored_a_result_before_do_not_round_it(tmp_path):
+def test_earlier_encoding_of_a_variable_does_not_round_its_values(tmp_path):
     result = xr.Dataset({"x": ("k", [0.123, 4.567])})
     result["x"].encoding = {"dtype": "i2", "scale_factor": 0.1}
     ph.save_result(result, tmp_path / "result.nc")
@@ -326,7 +326,7 @@ def test_types_in_which_xarray_stored_a_result_before_do_not_round_it(tmp_path):
 
 
 @pytest.mark.parametrize("room", [1, 4096, 20_000])
-def test_a_full_disk_is_an_error_that_leaves_the_file_as_it_was(room, tmp_path):
+def test_full_disk_raises_an_error_and_leaves_the_old_file_unchanged(room, tmp_path):
     """A limit on the size of files stops a write in the middle, as a full disk does."""
     resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
     path = tmp_path / "result.nc"
@@ -346,7 +346,7 @@ def test_a_full_disk_is_an_error_that_leaves_the_file_as_it_was(room, tmp_path):
     assert os.listdir(tmp_path) == ["result.nc"] and path.read_bytes() == before
 
 
-def test_dates_are_the_same_after_writing_and_reading(tmp_path):
+def test_dates_are_unchanged_after_saving_and_opening(tmp_path):
     day = np.array(["2024-05-01T10:00", "2024-05-02T11:30"], "datetime64[s]")
     ph.save_result(xr.Dataset({"day": ("test", day)}), tmp_path / "result.nc")
     np.testing.assert_array_equal(ph.open_result(tmp_path / "result.nc")["day"], day)
@@ -385,7 +385,7 @@ UNTRUSTED = {
 
 
 @pytest.mark.parametrize("change", UNTRUSTED.values(), ids=UNTRUSTED)
-def test_a_file_that_reads_others_or_has_no_end_is_refused(change, tmp_path):
+def test_file_with_links_cycles_or_excessive_size_is_refused(change, tmp_path):
     path = tmp_path / "result.nc"
     ph.save_result(every_group(), path)
     with h5py.File(path, "a") as file:

@@ -29,7 +29,7 @@ from pymc_hyperelastic.io.store import (
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
 
-def test_a_part_is_computed_once(tmp_path):
+def test_part_of_a_store_is_computed_once(tmp_path):
     calls = []
 
     def compute():
@@ -47,8 +47,8 @@ def test_a_part_is_computed_once(tmp_path):
     assert calls == [1, 1]
 
 
-def test_a_store_is_a_path_too(tmp_path):
-    """Work that is not done in batches needs only the folder of a store."""
+def test_store_object_or_its_path_can_be_given(tmp_path):
+    """A computation without batches uses only the folder of a store."""
     store = ph.Store(tmp_path / "store", cores=2)
     assert store == ph.Store(str(tmp_path / "store"), cores=2) and store.batch_size == 64
     assert remembering(store, lambda: {"what": "fits"})("one", RESULT.copy).equals(RESULT)
@@ -67,13 +67,13 @@ def test_a_store_is_a_path_too(tmp_path):
         ({"client": SimpleNamespace(submit=map), "cores": 2}, ValueError, "client or cores"),
     ],
 )
-def test_a_store_refuses_settings_that_nobody_can_follow(settings, error, message, tmp_path):
+def test_invalid_store_settings_are_refused(settings, error, message, tmp_path):
     with pytest.raises(error, match=message):
         ph.Store(tmp_path / "store", **settings)
     assert not (tmp_path / "store").exists()
 
 
-def test_a_damaged_part_is_named_and_renamed_and_computed_again(tmp_path):
+def test_damaged_part_is_renamed_with_a_warning_and_computed_again(tmp_path):
     store = Parts(tmp_path / "store", {"what": "test"})
     store.remember("one", RESULT.copy)
     for _ in range(2):
@@ -85,7 +85,7 @@ def test_a_damaged_part_is_named_and_renamed_and_computed_again(tmp_path):
     assert found == ["manifest.json", "one.nc", "one.nc.damaged-1", "one.nc.damaged-2"]
 
 
-def test_a_part_that_cannot_be_read_is_left_as_it_is(tmp_path, monkeypatch):
+def test_part_that_cannot_be_read_is_kept_and_the_error_raised(tmp_path, monkeypatch):
     store = Parts(tmp_path / "store", {"what": "test"})
     store.remember("one", RESULT.copy)
     for error in (PermissionError(errno.EACCES, "denied"), OSError(errno.ESTALE, "stale")):
@@ -101,7 +101,9 @@ def test_a_part_that_cannot_be_read_is_left_as_it_is(tmp_path, monkeypatch):
     assert store.kept("one").equals(RESULT)
 
 
-def test_a_store_serves_after_a_patch_release_and_not_after_a_minor_one(tmp_path, monkeypatch):
+def test_store_is_accepted_after_a_patch_release_but_not_after_a_minor_release(
+    tmp_path, monkeypatch
+):
     installed = {"pymc": "6.1.0", "pytensor": "3.1.2", "numpy": "2.1.0"}
     monkeypatch.setattr(store_module, "version", installed.__getitem__)
     Parts(tmp_path / "store", {"what": "test"}).remember("one", RESULT.copy)
@@ -112,7 +114,7 @@ def test_a_store_serves_after_a_patch_release_and_not_after_a_minor_one(tmp_path
         Parts(tmp_path / "store", {"what": "test"})
 
 
-def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
+def test_folder_of_other_files_or_damaged_manifest_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
     for folder, error, message in (
         (tmp_path, ValueError, "is no store, and not empty: it holds thesis.tex"),
@@ -131,7 +133,7 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
             store.remember(name, RESULT.copy)
 
 
-def test_differences_of_manifests_are_named():
+def test_differences_between_manifests_are_listed_by_entry():
     there = {"layers": [{"fingerprint": [1]}], "classes": [{"A": {"sha256": "0"}, "B": 1}]}
     here = {"layers": [{"fingerprint": [2]}], "classes": [{"A": {"sha256": "1"}, "B": 1}]}
     assert differences(there, there) == []
@@ -141,7 +143,7 @@ def test_differences_of_manifests_are_named():
     ]
 
 
-def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
+def test_random_seed_of_a_store_is_read_from_its_manifest(tmp_path):
     assert seed_in(tmp_path / "store") is None
     for seed in (0, 7, [1, 2], -1, 1.5, "x", [1, "x"]):
         (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "random_seed": seed}))
@@ -152,7 +154,7 @@ def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
             seed_in(tmp_path)
 
 
-def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_path):
+def test_store_can_be_used_after_a_kill_while_its_manifest_was_written(tmp_path):
     folder = tmp_path / "store"
     folder.mkdir()
     with atomic_write(tmp_path / "manifest.json") as beside:
@@ -161,8 +163,8 @@ def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_pa
     assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "one.nc"]
 
 
-def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkeypatch):
-    """The other one writes its manifest between the look for one and the first one's own."""
+def test_second_of_two_processes_that_create_a_store_is_refused(tmp_path, monkeypatch):
+    """One process writes its manifest after the other has checked that there is none."""
     folder, check = tmp_path / "store", store_module._check_empty
 
     def meanwhile(path):
@@ -176,7 +178,7 @@ def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkey
     assert Parts(folder, {"seed": 2}).kept("one") is None
 
 
-def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monkeypatch):
+def test_concurrent_creation_of_a_store_refuses_exactly_one_process(tmp_path, monkeypatch):
     """Each waits for a random time before and after each step of the creation."""
     rng = np.random.default_rng(1)
 
@@ -208,7 +210,7 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
             assert not list(folder.glob(".*"))
 
 
-def test_a_part_of_another_store_is_refused_and_left(tmp_path):
+def test_part_of_another_store_is_refused_and_kept(tmp_path):
     one, two = (Parts(tmp_path / name, {"what": name}) for name in ("one", "two"))
     one.remember("part", RESULT.copy)
     shutil.copy(one.part("part"), two.part("part"))
@@ -220,7 +222,7 @@ def test_a_part_of_another_store_is_refused_and_left(tmp_path):
     assert two.part("part").exists()
 
 
-def test_a_store_of_an_older_format_names_the_version_that_it_needs(tmp_path):
+def test_store_of_an_older_format_is_refused_with_the_version_it_needs(tmp_path):
     (tmp_path / "manifest.json").write_text('{"format": 1}')
     with pytest.raises(ValueError, match=r"it has format 1, and needs pymc_hyperelastic 0\.1"):
         Parts(tmp_path, {})

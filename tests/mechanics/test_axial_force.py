@@ -32,19 +32,19 @@ def assert_equals_quadrature(law, problems):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_force_equals_adaptive_quadrature(law):
+def test_axial_force_equals_adaptive_quadrature(law):
     tubes = ("at rest", "slackening, shortened")
     assert_equals_quadrature(law, problems_of(law, *tubes, ordinary=True))
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("law", LAWS)
-def test_force_of_all_problems_equals_adaptive_quadrature(law):
+def test_axial_force_of_all_problems_equals_adaptive_quadrature(law):
     assert_equals_quadrature(law, problems_of(law))
 
 
 @pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law == "HolzapfelGasserOgden"))
-def test_gradients_equal_difference_quotients(law):
+def test_gradients_of_the_axial_force_equal_difference_quotients(law):
     """Forces of steeper materials lose digits to cancellation."""
     columns = columns_of(problems_of(law))
     pressure, stiffness = np.abs(compiled(law, "pressure")(*columns))

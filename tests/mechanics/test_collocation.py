@@ -1,4 +1,4 @@
-"""Integrals over known tubes as constant matrices: `mechanics/collocation.py` and its nodes."""
+"""Integrals over known tubes as constant matrices (`mechanics/collocation.py`), and their nodes."""
 
 import numpy as np
 import pytensor
@@ -15,9 +15,9 @@ from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral
 from pymc_hyperelastic.mechanics.interpolation import KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 
-# Coefficients of the response are left out below 1e-14 of the largest.
+# Coefficients of the response below 1e-14 of the largest are omitted.
 CURVE_TOLERANCE, SLOPE_TOLERANCE = 1e-11, 1e-9
-# Two formulas for one number: rounding.
+# Rounding error between two formulas for the same number.
 ROUNDING = 1e-12
 OGDEN, HGO = ph.Ogden(), ph.HolzapfelGasserOgden()
 MATERIALS = {OGDEN: (6.0, 8.0), HGO: (3.0, 2.3, 0.8, 29.0)}
@@ -32,7 +32,7 @@ def tubes_of(points=7, stretches=(1.1, 1.5)):
     return KnownTubes(radius, full, 1.4 * full, axial, 0.6 * full, growth=0.7 * full)
 
 
-def direct(energy, tubes, entries):
+def by_quadrature(energy, tubes, entries):
     """Return pressure, stiffness, force and its slope by quadrature, and the measured slope."""
     inputs = [pt.as_tensor_variable(np.asarray(x)) for x in (*tubes[:5], *entries)]
     integrals = ph.PressureIntegral, AxialForceIntegral
@@ -54,7 +54,7 @@ def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERA
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(collocation, "PIECE", 60)  # points are taken in parts
         matrices, place = collocation.curve_matrices(tubes, groups, basis)
-    expected = direct(energy, tubes, MATERIALS[energy])
+    expected = by_quadrature(energy, tubes, MATERIALS[energy])
     for force, names in ((False, ("pressure", "stiffness")), (True, ("force", "force_slope"))):
         own = matrices | {"of_outputs": [matrices[f"{name}_matrix"] for name in names]}
         op = collocation.CollocatedIntegral(strain_energy=energy, force=force)
@@ -93,17 +93,17 @@ class Polynomial:
         return mu * (log_hoop**3 + log_axial)
 
 
-def test_a_polynomial_needs_one_node_more_than_its_degree():
+def test_polynomial_response_needs_one_node_more_than_its_degree():
     tubes = tubes_of()
     groups, entries = groups_by(tubes, tubes.axial_stretch), [np.array([2.0])]
     assert interpolation.nodes_needed(Polynomial(), tubes, groups, entries, tolerance=1e-12) == 4
 
 
-def test_evenly_spread_numbers_include_both_ends():
+def test_evenly_spaced_indices_include_both_ends():
     assert list(interpolation.evenly(9, 3)) == [0, 4, 8] and len(interpolation.evenly(3, 60)) == 3
 
 
-def test_compressed_matrices_have_the_squared_misfit_of_all_points():
+def test_compressed_matrices_give_the_squared_misfit_of_all_points():
     """``|M g − y|² = |R g − c|² + ρ²`` for each kind of measurement, with missing values."""
     tubes = tubes_of(points=40)
     groups = groups_by(tubes, tubes.axial_stretch)
@@ -115,7 +115,7 @@ def test_compressed_matrices_have_the_squared_misfit_of_all_points():
     basis = interpolation.ChebyshevNodes(needed)
     compressed = collocation.collocate(tubes, groups, basis, targets)
     for entries in ((3.0, 5.0), (7.0, 8.0)):
-        exact = direct(OGDEN, tubes, entries)
+        exact = by_quadrature(OGDEN, tubes, entries)
         for name, target in targets.items():
             op = collocation.CollocatedIntegral(strain_energy=OGDEN, force=name == "force")
             matrix = compressed[f"{name}_matrix"]
@@ -128,8 +128,8 @@ def test_compressed_matrices_have_the_squared_misfit_of_all_points():
 
 
 @pytest.mark.parametrize("per_group", [False, True])
-def test_gradient_and_batches_of_collocated_curves(per_group):
-    """Gradients equal difference quotients; a batch of parameters equals a loop, without one."""
+def test_collocated_curves_have_exact_gradients_and_batches_without_a_loop(per_group):
+    """Gradients equal difference quotients; a vectorised batch equals single evaluations."""
     tubes = tubes_of()
     groups = groups_by(tubes, tubes.axial_stretch)
     matrices, _ = collocation.curve_matrices(tubes, groups, interpolation.ChebyshevNodes(20))
@@ -169,7 +169,7 @@ def draw_materials(count=150):
 
 @pytest.mark.parametrize("one_by_one", [True, False], ids=["single moduli", "materials"])
 def test_curves_and_slopes_by_selected_nodes_equal_quadrature(one_by_one):
-    """The nodes are few, although both stretches vary; they serve other materials, too."""
+    """The nodes are few, although both stretches vary; other materials are exact too."""
     tubes = tubes_of(stretches=(1.3, 1.5, 1.7))
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))  # fibres are taut
     groups = groups_by(tubes, np.zeros(len(tubes.radius)))
@@ -179,7 +179,7 @@ def test_curves_and_slopes_by_selected_nodes_equal_quadrature(one_by_one):
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 
-def test_selected_nodes_are_added_for_other_materials():
+def test_nodes_added_for_other_materials_make_their_curves_exact():
     """Curves of stiffer fibres, with two more of the materials, become exact."""
     tubes = tubes_of(stretches=(1.3, 1.5))
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))
@@ -194,12 +194,12 @@ def test_selected_nodes_are_added_for_other_materials():
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 
-def test_walls_are_split_where_fibres_in_the_hoop_direction_slacken():
-    """Quadrature that is split at ``λθ = 1`` is exact, and quadrature that is not is not."""
+def test_quadrature_is_exact_only_if_split_where_hoop_fibres_slacken():
+    """Quadrature over the whole wall has a kink at ``λθ = 1`` and is not exact."""
     energy = ph.FourFiber()
     entries = (10.0, 8.0, 0.05, 6.0, 0.1, 0.0, 0.5, 40.0)  # only hoop fibres slacken
     tubes = tubes_of(points=20, stretches=(1.2, 1.4))
-    exact = direct(energy, tubes, entries)
+    exact = by_quadrature(energy, tubes, entries)
     columns = [np.array([[x]]) for x in entries]
     errors = []
     for split in (True, False):

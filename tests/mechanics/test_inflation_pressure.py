@@ -70,13 +70,13 @@ def test_pressure_and_stiffness_of_all_problems_equal_adaptive_quadrature(law):
     assert_equals_quadrature(law, problems_of(law), SIMPLIFIED)
 
 
-def test_table_of_problems_holds_every_law():
+def test_table_of_problems_contains_every_law():
     zoo = {name for name in ph.strain_energy.__all__ if name in ph.list_strain_energies()}
     assert zoo == {law.strain_energy.name for law in LAWS.values()}
 
 
-def test_neo_hookean_tube_has_its_closed_form():
-    """In every tube, from far deflated to far inflated ones."""
+def test_pressure_of_the_neo_hookean_tube_equals_its_closed_form():
+    """The tubes range from far deflated to far inflated ones."""
     problems = problems_of("NeoHookean")
     values = compiled("NeoHookean", "pressure")(*columns_of(problems))
     for problem, pressure, stiffness in zip(problems, *values, strict=True):
@@ -87,8 +87,8 @@ def test_neo_hookean_tube_has_its_closed_form():
         assert abs(pressure - exact) <= TOLERANCE * abs(exact) + rounding
 
 
-def test_order_is_the_number_of_nodes():
-    """With two nodes, all three quantities are those of the two-point rule in ln R."""
+def test_order_two_equals_the_two_point_gauss_rule():
+    """The two-point rule in ln R gives the expected pressure, stiffness and force."""
     a, inner, outer, axial, mu = 1.4, 1.0, 2.0, 1.2, 10.0
     log_ratio = np.log(outer / inner)
     reference = inner * np.exp(log_ratio * (1 + np.array([-1, 1]) / np.sqrt(3)) / 2)
@@ -118,8 +118,8 @@ def operations(*variables):
     return [v.owner.op for v in ancestors(variables) if v.owner is not None]
 
 
-def test_vectorised_value_and_gradient_equal_a_loop_without_containing_one():
-    """The batch is one of parameters and of radii."""
+def test_vectorised_value_and_gradient_equal_single_evaluations():
+    """The batch varies parameters and radii; its graph has no loop over them."""
     mu, alpha, radius = pt.dscalars("mu", "alpha", "radius")
     op = PressureIntegral(strain_energy=ph.Ogden())
     pressure, stiffness = op(radius, [7.0, 6.5], 9.0, 1.1, 0.3, mu, alpha)
@@ -151,7 +151,7 @@ def test_numbers_arrays_and_variables_broadcast_in_double_precision():
     np.testing.assert_allclose(value[-1, -1], exact, rtol=IDENTITY_TOLERANCE)
 
 
-def test_equal_integrals_are_one_op_and_merge():
+def test_equal_integrals_share_an_op_and_merge():
     """Inputs of the same types share an Op; pressure and stiffness share an integral."""
     tube, mu = ph.Tube(inner_radius=7.0, outer_radius=9.0), pt.dscalar()
     functions = inflation_pressure, inflation_stiffness
@@ -190,10 +190,10 @@ IMPOSSIBLE = [
 
 
 @pytest.mark.parametrize(("law", "inputs", "expected", "everywhere"), IMPOSSIBLE)
-def test_impossible_wall_has_no_finite_pressure_and_finite_gradients(
+def test_impossible_wall_has_infinite_or_nan_pressure_and_finite_gradients(
     law, inputs, expected, everywhere
 ):
-    """A likelihood then rejects the parameters; gradients are zero if all of the wall is beyond."""
+    """Gradients are zero if the whole wall is beyond the limits of the law."""
     columns = [np.array([value]) for value in inputs]
     for weights in np.eye(2):
         with np.errstate(all="ignore"):

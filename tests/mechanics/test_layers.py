@@ -17,7 +17,7 @@ import pymc_hyperelastic as ph
 TOLERANCE = 1e-9
 # Force is that in the wall less the thrust of the pressure on the ends: rounding is relative to it.
 ROUNDING = 1e-13
-# Two rules for one integral: rounding, where a tube is inflated.
+# Rounding error between two rules for the same integral over an inflated tube.
 IDENTITY_TOLERANCE = 1e-12
 
 FUNCTIONS = (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
@@ -147,8 +147,8 @@ def test_layered_wall_in_all_tubes_equals_one_adaptive_integral(wall):
 
 
 @pytest.mark.parametrize("wall", ["a rubber tube in another", *deep(["media and adventitia"])])
-def test_gradients_equal_difference_quotients(wall):
-    """Those of all three quantities by all inputs, also by thicknesses."""
+def test_gradients_of_layered_walls_equal_difference_quotients(wall):
+    """Gradients of all three quantities by all inputs, including thicknesses."""
     columns = columns_of([inputs_of(wall, tube) for tube in (TUBES[4], TUBES[-2], TUBES[-1])])
     function = compiled(wall, with_gradient=True)
     gradients = np.array([function(*columns, weights)[3] for weights in np.eye(3)])

@@ -92,8 +92,7 @@ PYMECHT = {
 
 
 @pytest.mark.parametrize("name", PYMECHT)
-def test_pymecht_agrees(name):
-    """Pressure and axial force of another package."""
+def test_pressure_and_force_equal_those_of_pymecht(name):
     layers, (inner, axial, angle), rows = PYMECHT[name]
     radii, *expected = np.array(rows).T
     tube = ph.Tube(inner_radius=inner, axial_stretch=axial, opening_angle=radians(angle))
@@ -103,7 +102,7 @@ def test_pymecht_agrees(name):
     np.testing.assert_allclose(found, expected, rtol=PYMECHT_TOLERANCE)
 
 
-def test_published_sector_and_ring_of_a_carotid_artery_are_one_tube():
+def test_opened_ring_of_a_carotid_artery_has_the_published_sector_radii():
     """The opening angle is the one missing from the circle: ``k = 2 pi/(2 pi - 160°)``.
 
     Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity 61 (2000) 1-48,

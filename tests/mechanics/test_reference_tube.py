@@ -1,6 +1,6 @@
-"""A tube may be stated in many ways; each of them gives the radii and the angle of the sector.
+"""A tube can be stated in several ways; each gives the radii and the angle of the opened sector.
 
-``tests/data/test_geometry.py`` has the tubes that columns of a table state.
+``tests/data/test_tube_statements.py`` tests tubes that columns of a table state.
 """
 
 from dataclasses import FrozenInstanceError, replace
@@ -53,7 +53,7 @@ STATED = {
 
 
 @pytest.mark.parametrize("stated", STATED.values(), ids=STATED)
-def test_every_way_to_state_a_tube_gives_its_sector(stated):
+def test_equivalent_statements_of_a_tube_give_the_same_sector(stated):
     tube = ph.Tube(**stated, axial_stretch=1.3)
     expected = SECTOR | {"axial_stretch": 1.3, "opening_angle": ANGLE}
     assert tube.geometry() == pytest.approx(expected, rel=ROUNDING)
@@ -66,14 +66,14 @@ def test_every_way_to_state_a_tube_gives_its_sector(stated):
 
 @pytest.mark.parametrize("radii_of", [None, "sector", "ring"])
 @pytest.mark.parametrize("wall", [{"thickness": 2.0}, {"wall_area": 32 * pi}])
-def test_a_tube_without_an_angle_is_its_own_ring(wall, radii_of):
+def test_tube_without_an_opening_angle_has_equal_ring_and_sector(wall, radii_of):
     expected = {"inner_radius": 7.0, "outer_radius": 9.0}
     for name, radius in expected.items():
         tube = ph.Tube(**{name: radius}, **wall, radii_of=radii_of)
         assert tube.geometry() == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_measures_that_are_not_stated_are_left_out():
+def test_geometry_omits_measures_that_are_not_stated():
     assert ph.Tube().geometry() == {}
     assert ph.Tube(axial_stretch=1.2).geometry() == {"axial_stretch": 1.2}
     # An angle of a ring without radii is stated by itself.
@@ -81,7 +81,7 @@ def test_measures_that_are_not_stated_are_left_out():
     assert angle.geometry() == {"opening_angle": 0.6}
 
 
-def test_a_tube_shows_what_is_stated_and_does_not_change():
+def test_tube_shows_its_statement_and_is_immutable():
     tube = ph.Tube(7.0, thickness=2.0, axial_stretch="stretch")
     assert repr(tube) == "Tube(inner_radius=7.0, axial_stretch='stretch', thickness=2.0)"
     with pytest.raises(FrozenInstanceError):
@@ -102,7 +102,7 @@ IMPOSSIBLE = {
 
 
 @pytest.mark.parametrize("arguments, error, message", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
-def test_an_impossible_statement_is_refused(arguments, error, message):
+def test_contradictory_or_unknown_statement_is_refused(arguments, error, message):
     with pytest.raises(error, match=message):
         ph.Tube(**arguments)
 
@@ -116,13 +116,13 @@ INCOMPLETE = {
 
 
 @pytest.mark.parametrize("stated, message", INCOMPLETE.values(), ids=INCOMPLETE)
-def test_a_tube_that_states_no_sector_is_refused_when_it_is_asked_for(stated, message):
+def test_geometry_of_an_incomplete_tube_is_refused(stated, message):
     with pytest.raises(ValueError, match=message):
         ph.Tube(**stated).geometry()
 
 
 @pytest.mark.parametrize("of", ["sector", "ring"])
-def test_curves_take_each_way_to_state_a_tube(of):
+def test_curves_of_equivalent_statements_of_a_tube_are_equal(of):
     """Numbers, and a tensor in place of one of them, give the pressure of the sector."""
     sector = ph.Tube(**SECTOR, **WHOLE, axial_stretch=1.1)
     settings = {"energy": ph.NeoHookean(), "internal_radius": [1.3, 1.6], "mu": 20.0}

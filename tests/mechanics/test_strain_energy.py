@@ -86,7 +86,7 @@ def exact_material(name, parameters, *logs):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_energy_and_stresses_equal_the_printed_equation(name):
+def test_energy_and_stresses_equal_the_published_equation(name):
     """Closed forms and default derivatives equal ``∂Ŵ/∂ln λθ`` and ``∂Ŵ/∂ln λz``."""
     for parameters, _ in LAWS[name].parameters:
         energy, *closed, hoop_default, axial_default = evaluate(
@@ -102,8 +102,8 @@ def test_energy_and_stresses_equal_the_printed_equation(name):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_stress_is_accurate_near_zero_strain(name):
-    """Relative errors are small near zero strain, and stress is 0 at zero strain."""
+def test_stress_has_small_relative_errors_near_zero_strain(name):
+    """The stress is exactly 0 at zero strain."""
     for parameters, _ in LAWS[name].parameters:
         axial = np.zeros(5)
         stress = evaluate(name, parameters, np.append(NEAR_REST, 0.0), axial)[1]
@@ -117,7 +117,7 @@ def test_stress_is_accurate_near_zero_strain(name):
 
 @pytest.mark.parametrize("name", [name for name, law in LAWS.items() if law.slackens])
 def test_kinks_are_roots_of_the_fibre_strain(name):
-    """A scan and bisection find the roots."""
+    """The expected roots are found by a scan and bisection."""
     law = LAWS[name]
     log_axial, *values = symbols = pt.dvectors(1 + len(law.entry_names))
     kinks = law.strain_energy.kinks(log_axial, **law.strain_energy.join(values))
@@ -143,7 +143,7 @@ def test_kinks_are_roots_of_the_fibre_strain(name):
             assert found == {round(float(mp.log(root)), 10) for root in roots}, axial
 
 
-def test_law_without_hoop_fibres_equals_four_fibres_if_their_modulus_is_zero():
+def test_law_without_hoop_fibres_equals_four_fibres_of_zero_hoop_modulus():
     three, known = ph.FourFiber(hoop_fibres=False), LAWS["FourFiber"].parameters[0][0]
     assert set(known) - set(three.parameter_names) == {"k1_hoop", "k2_hoop"}
     own = {name: known[name] for name in three.parameter_names}
@@ -185,7 +185,7 @@ def two_fibre_energy(l1, l2, l3, *, c, k1, k2):
     return matrix + k1 / k2 * (mp.exp(k2 * (fourth - 1) ** 2) - 1)
 
 
-def test_pressure_force_and_gradients_follow_from_the_energy_of_a_user_class():
+def test_law_of_a_user_gives_pressure_force_and_gradients_from_its_energy():
     """The reference values are adaptive quadratures of the same energy."""
     parameters = {"c": 10.0, "k1": 8.0, "k2": 0.6}
     point = dict(zip(oracles.GEOMETRY, (0.48, 0.4, 0.52, 1.4, radians(70)), strict=True))
@@ -264,7 +264,7 @@ def test_default_priors_have_the_documented_ranges():
     assert ph.Parameter("x", "x", "", (-1.0, 1.0), "of either sign").natural_scale == "real"
 
 
-def test_vector_parameters_are_split_and_joined():
+def test_vector_parameters_are_split_into_entries_and_joined_again():
     energy = ph.OgdenSeries(2)
     split = energy.split({"alpha": [3.0, 4.0], "mu": [1.0, 2.0]})
     assert split == [1.0, 2.0, 3.0, 4.0]
@@ -304,13 +304,13 @@ def test_class_whose_energy_has_other_parameters_is_refused(message, energy):
         (lambda: ph.OgdenSeries(2).split({"mu": [1.0]}), TypeError, r"'alpha'\], but \['mu'\]"),
     ],
 )
-def test_wrong_settings_are_refused(make, error, message):
+def test_wrong_settings_of_laws_are_refused(make, error, message):
     with pytest.raises(error, match=message):
         make()
 
 
-def test_result_is_refused_if_the_law_of_its_name_has_another_formula(monkeypatch):
-    """A name that two classes of a user share stands for the class that was defined last."""
+def test_result_is_refused_if_its_law_was_redefined_with_another_formula(monkeypatch):
+    """If two classes of a user have the same name, the name means the class defined last."""
     monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
 
     def mine(power):
@@ -336,7 +336,7 @@ def test_result_is_refused_if_the_law_of_its_name_has_another_formula(monkeypatc
         ph.predict_pressure(tree, [8.0])
 
 
-def test_parameters_of_another_type_are_refused_with_an_example():
+def test_law_whose_parameters_are_tuples_is_refused_with_an_example():
     with pytest.raises(TypeError, match=r"strain energy Odd: .*\('c', .*such as ph\.Parameter\("):
         type("Odd", (ph.NeoHookean,), {"parameters": [("c", "kPa")], "__module__": __name__})
 
@@ -349,7 +349,7 @@ def test_names_of_built_in_laws_are_reserved(name):
     assert type(ph.StrainEnergy.from_name(name)) is getattr(ph, name)
 
 
-def test_energy_without_return_is_refused(monkeypatch):
+def test_energy_function_without_return_is_refused(monkeypatch):
     monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
 
     class Forgotten(ph.NeoHookean):

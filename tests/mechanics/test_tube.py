@@ -27,8 +27,8 @@ def state(request):
     return radius, {"inner_radius": INNER, "axial_stretch": axial, "opening_angle": angle}
 
 
-def test_wall_keeps_its_volume(state):
-    """Between any two material circles, and the inner surface moves to the internal radius."""
+def test_deformed_wall_keeps_its_volume(state):
+    """Between any two material circles; the inner one gets the internal radius."""
     internal_radius, geometry = state
     current = tube.current_radius(WALL, internal_radius, **geometry)
     sector = 2 * np.pi - geometry["opening_angle"]
@@ -41,8 +41,8 @@ def test_wall_keeps_its_volume(state):
     np.testing.assert_allclose(closed, 2 * np.pi, rtol=ROUNDING)
 
 
-def test_stretches_are_the_slopes_of_the_wall_map(state):
-    """Their product is one; the elongation is the excess of the squared hoop stretch."""
+def test_radial_stretch_is_the_derivative_of_the_deformed_radius(state):
+    """The product of the stretches is one; the hoop elongation follows from the hoop stretch."""
     internal_radius, geometry = state
     radial, hoop, axial = tube.stretches(WALL, internal_radius, **geometry)
     np.testing.assert_allclose(radial * hoop * axial, 1, rtol=ROUNDING)
@@ -110,7 +110,7 @@ def test_opened_sectors_keep_area_and_middle_line_of_the_ring():
 
 
 def test_outer_radius_follows_from_thickness_or_wall_area():
-    """And the measures follow from the tube again."""
+    """`measure_of` recovers the stated thickness, wall area and axial stretch."""
     stated = {"inner_radius": 1.0, "opening_angle": 1.5, "axial_stretch": 1.2}
     by_thickness = tube.inferred_geometry(stated | {"thickness": 0.25})
     assert by_thickness == stated | {"outer_radius": 1.25}

@@ -1,4 +1,4 @@
-"""Models of tubes for users of PyMC: by themselves, in other models, observed, set and copied."""
+"""Models of tubes for users of PyMC: alone, in another model, after observe or do, and copied."""
 
 import copy
 import json
@@ -10,7 +10,7 @@ import pandas as pd
 import pymc as pm
 import pytest
 import xarray as xr
-from bad_input import curves, unknown_curves
+from bad_input import curves
 from problems import AS_WRITTEN
 
 import pymc_hyperelastic as ph
@@ -20,7 +20,7 @@ from pymc_hyperelastic.models.settings import inflation_data_of, model_settings_
 
 OGDEN, POINT = ph.Ogden(), {"mu": 6.0, "alpha": 8.0}
 NOISE, OBSERVED = ph.Gaussian(0.5), ph.Gaussian(0.5, observed=True)
-# One expression twice, and sums of squares by two rules of different order.
+# Relative errors: of one expression evaluated twice, and of sums of squares by two rules.
 ROUNDING, SAME_LIKELIHOOD = 1e-12, 1e-9
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
@@ -41,7 +41,7 @@ def log_density(model, **point):
     return float(model.compile_logp(mode=AS_WRITTEN)(point))
 
 
-def test_variables_are_named_and_have_the_curves_of_the_tube(data):
+def test_variables_have_the_documented_names_and_the_curves_of_the_tube(data):
     model = ph.ogden_model(data, ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0))
     assert [rv.name for rv in model.free_RVs] == ["mu", "alpha"]
     assert [v.name for v in model.deterministics] == ["pressure", "stiffness"]
@@ -58,7 +58,7 @@ def test_variables_are_named_and_have_the_curves_of_the_tube(data):
         np.testing.assert_allclose(values, expected.eval(mode=AS_WRITTEN), rtol=1e-10)
 
 
-def test_factories_make_the_model_of_their_law_with_all_settings(data):
+def test_factories_pass_their_law_and_all_settings(data):
     for factory, energy in (
         (ph.power_law_neo_hookean_model, ph.PowerLawNeoHookean()),
         (ph.ogden_model, ph.Ogden()),
@@ -72,8 +72,8 @@ def test_factories_make_the_model_of_their_law_with_all_settings(data):
         assert special.study.settings() == general.study.settings()
 
 
-def test_a_prior_of_rising_pressures_integrates_to_1():
-    """It is 0 where the pressure falls, and elsewhere larger by the share of the others."""
+def test_prior_restricted_to_rising_pressures_integrates_to_one():
+    """The density is 0 where pressures fall, and elsewhere divided by the share of other curves."""
     radius = np.linspace(7.2, 12.0, 6)
     frame = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": radius - 7}
     tube = ph.Tube(inner_radius=7.0, outer_radius=9.0)
@@ -98,10 +98,10 @@ def test_a_prior_of_rising_pressures_integrates_to_1():
 # --- in the context of another model -------------------------------------------------------------
 
 
-def test_tubes_in_one_model_have_prefixes_and_add_up():
-    """Different data and laws, dimensions included; a context without a prefix works as well."""
+def test_log_densities_of_two_tubes_in_one_model_add_up():
+    """The tubes differ in data, law and dimensions; only the second one has a prefix."""
     short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
-    forces = unknown_curves([30.0, np.nan, 40.0, 50.0])
+    forces = curves(forces=[30.0, np.nan, 40.0, 50.0])
     with_forces = ph.Gaussian(0.5, force_sd=3.0, observed=True)
     with pm.Model() as own:
         x = pm.Normal("x")
@@ -121,7 +121,7 @@ def test_tubes_in_one_model_have_prefixes_and_add_up():
     assert log_density(own, **point, x=0.0) == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
+def test_parameters_noise_and_geometry_can_be_variables_of_the_own_model():
     """Random variables, and expressions of them, are registered once."""
     with pm.Model() as own:
         log_mu, alpha = pm.Normal("log_mu", 1, 0.3), pm.Uniform("alpha", 0, 20)
@@ -129,7 +129,7 @@ def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
         priors = {"mu": pm.math.exp(log_mu), "alpha": alpha, "inner_radius": radius}
         part = ph.inflation_model(OGDEN, curves(), sd, priors=priors, mode="quadrature")
         layers = [ph.Layer(ph.Demiray(), 1.0, b=alpha), ph.Layer(ph.Demiray(), 1.0, b=alpha)]
-        thick = unknown_curves(outer_radius=None)
+        thick = curves(outer_radius=None)
         ph.inflation_model(layers, thick, NOISE, name="wall", mode="quadrature")
     names = ["log_mu", "alpha", "sd", "unloaded", "wall::mu_1", "wall::mu_2"]
     assert [rv.name for rv in own.free_RVs] == names and not list(part.free_RVs)
@@ -144,7 +144,7 @@ def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
 
 
 def result_of(model):
-    """The result that a model would have after sampling, with three draws."""
+    """Return a result of a model with three draws, as it is after sampling."""
     names = ("beta", "log_marginal_likelihood", "log_evidence_variance")
     posterior = {"anything": np.ones((1, 3))}
     point = model.initial_point()
@@ -152,8 +152,8 @@ def result_of(model):
     return sampling_tree(model, posterior, unconstrained, [[dict.fromkeys(names, 1.0)]], {}, 1)
 
 
-def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
-    """The data, the law, its priors and the noise, with their units, through a file."""
+def test_model_can_be_rebuilt_from_its_stored_result(tmp_path):
+    """Data, law, priors and likelihood survive a file, with their units."""
     tree = fits.fit("sampled")
     tree.to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
     tree = xr.load_datatree(tmp_path / "result.nc", engine="h5netcdf")
@@ -174,7 +174,7 @@ def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
-def test_copies_know_what_they_were_made_from():
+def test_copied_and_pickled_models_keep_their_study():
     generative = ph.ogden_model(curves(), OBSERVED)
     for model in (generative, ph.population_model(OGDEN, curves(), 0.5)):
         expected = result_of(model)
@@ -189,9 +189,7 @@ def test_copies_know_what_they_were_made_from():
     ("change", "group", "likelihood"),
     [(pm.observe, "observed_data", NOISE), (pm.do, "constant_data", OBSERVED)],
 )
-def test_a_model_that_was_observed_or_set_keeps_its_data_but_not_its_priors(
-    change, group, likelihood
-):
+def test_model_after_observe_or_do_keeps_its_data_but_no_stored_priors(change, group, likelihood):
     model = ph.ogden_model(curves(), likelihood)
     changed = change(model, {"alpha": 8.0})
     assert [rv.name for rv in changed.free_RVs] == ["mu"]

@@ -1,4 +1,4 @@
-"""Likelihoods as objects: what they hold, refuse, and store."""
+"""Likelihood objects: equality, description, validation, and records for files."""
 
 import json
 
@@ -28,7 +28,7 @@ LIKELIHOODS = [
 
 
 @pytest.mark.parametrize("likelihood", LIKELIHOODS, ids=repr)
-def test_a_record_in_json_gives_the_likelihood_again(likelihood):
+def test_likelihood_is_restored_from_its_json_record(likelihood):
     record = json.loads(json.dumps(likelihood.to_record()))
     again = Likelihood.from_record(record)
     assert repr(again) == repr(likelihood)
@@ -36,7 +36,7 @@ def test_a_record_in_json_gives_the_likelihood_again(likelihood):
     assert record["units"].keys() == likelihood.sizes.keys()
 
 
-def test_likelihoods_differ_by_each_of_their_arguments():
+def test_likelihoods_are_equal_only_if_all_arguments_are_equal():
     assert len({*LIKELIHOODS}) == len(LIKELIHOODS)
     assert ph.Gaussian(0.5) != ph.Gaussian(0.5, observed=True)
     assert ph.Gaussian(0.5) != ph.SlopeAugmented(0.5, 0.0)
@@ -56,12 +56,12 @@ def test_likelihoods_differ_by_each_of_their_arguments():
         ({"name": "Poisson"}, "expected a record with a name of"),
     ],
 )
-def test_a_damaged_record_is_refused(change, message):
+def test_damaged_record_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
         Likelihood.from_record(ph.Gaussian(0.5).to_record() | change)
 
 
-def test_words_state_sizes_units_and_standard_deviations():
+def test_description_states_sizes_units_and_standard_deviations():
     assert ph.SlopeAugmented(sigma=2.0, slope_weight=3.0).in_words == (
         "SlopeAugmented: sigma = 2 kPa (a standard deviation of 1.41421 kPa), slope_weight = 3 mm²"
     )
@@ -74,7 +74,7 @@ def test_words_state_sizes_units_and_standard_deviations():
         assert repr(ph.Gaussian(pm.HalfNormal("sd"))) == "Gaussian(pressure_sd=sd)"
 
 
-def test_a_number_or_a_distribution_alone_is_the_error_of_pressures():
+def test_number_or_distribution_becomes_the_error_of_pressures():
     sd = pm.HalfNormal.dist(1.0)
     assert as_likelihood(np.float64(0.5)) == ph.Gaussian(pressure_sd=0.5)
     assert as_likelihood(sd) == ph.Gaussian(pressure_sd=sd)
@@ -88,7 +88,7 @@ def log_likelihood_of(likelihood, data, **parameters):
 
 
 @pytest.mark.parametrize("weight", [0.0, 0], ids=["float", "int"])
-def test_without_slopes_both_likelihoods_are_one(weight):
+def test_gaussian_and_slope_augmented_agree_without_slopes(weight):
     """The paper's sigma is √2 standard deviations; 7.0 would be rounded in single precision."""
     sds, data = {"pressure_sd": 0.1, "force_sd": 7.0, "force_offset_sd": 25.0}, extended()
     sigmas = {"sigma": np.sqrt(2) * 0.1, "force_sigma": np.sqrt(2) * 7.0, "force_offset_sd": 25.0}
@@ -97,7 +97,7 @@ def test_without_slopes_both_likelihoods_are_one(weight):
     assert one == pytest.approx(two, rel=ROUNDING)
 
 
-def test_the_potential_is_the_density_of_the_observed_variables():
+def test_potential_equals_the_density_of_observed_variables():
     """Without slopes, for pressures and forces with an offset."""
     sds = {"pressure_sd": 0.4, "force_sd": 3.0, "force_offset_sd": 25.0}
     point = {"mu": 6.0, "alpha": 5.0}
@@ -110,8 +110,8 @@ def test_the_potential_is_the_density_of_the_observed_variables():
     assert values[0] == pytest.approx(values[1], rel=1e-9)
 
 
-def test_normal_densities_are_those_of_scipy():
-    """Of sums of squares, and of errors that share an offset, one after another."""
+def test_normal_log_densities_equal_scipy():
+    """Cases: sums of squares, and errors that share an offset, as conditional densities."""
     error, variance, sd = np.array([0.3, -1.2, 2.0, 0.1]), np.array([0.5, 0.7, 0.2, 0.9]), 1.5
     found = normal_log_density(error**2, variance).eval(mode=AS_WRITTEN)
     np.testing.assert_allclose(found, stats.norm(0, np.sqrt(variance)).logpdf(error))
@@ -128,8 +128,8 @@ def test_normal_densities_are_those_of_scipy():
     np.testing.assert_allclose(by_point.eval(mode=AS_WRITTEN).sum(), expected)
 
 
-def test_one_likelihood_serves_several_models():
-    """A distribution of a size is registered anew in each."""
+def test_one_likelihood_can_be_used_in_several_models():
+    """The distribution of an error is registered anew in each model."""
     likelihood = ph.Gaussian(pm.HalfNormal.dist(1.0))
     for _ in range(2):
         model = ph.ogden_model(curves(), likelihood)

@@ -43,8 +43,8 @@ KNOWN_BOX = known.MU, known.ALPHA
 KNOWN_NOISE = {"sigma": known.SIGMA, "slope_weight": known.SLOPE_WEIGHT}
 
 
-def test_quadrature_and_sampler_give_the_evidence_of_the_known_problem():
-    """Pressures are in mmHg but called kPa: an evidence holds in any unit that is kept throughout.
+def test_quadrature_and_sampler_give_the_known_evidence():
+    """Pressures are in mmHg but called kPa: any unit can be used consistently.
 
     The benchmarks compute the answer without the package and without `exact`.
     """
@@ -68,7 +68,7 @@ BOX = tuple(p.prior_range for p in ph.Ogden().parameters)
 
 
 @pytest.mark.parametrize("name", ["C1", *deep(["C2"])])
-def test_classes_have_the_exact_evidence_and_posterior(name):
+def test_evidence_and_posterior_of_a_class_are_exact(name):
     """Both signs of the exponent are found, and about half of the particles have either."""
     tree, curves = fits.fit("pooled")[name], exact.curves_of(fits.training()[name])
     expected = exact.posterior(curves, "Ogden", box=BOX, **NOISE)
@@ -79,7 +79,7 @@ def test_classes_have_the_exact_evidence_and_posterior(name):
     assert abs(float((posterior["alpha"] > 0).mean()) - 0.5) < SHARE_TOLERANCE
 
 
-def test_an_evidence_by_curves_that_are_wrong_is_not_to_be_trusted():
+def test_evidence_from_inaccurate_curves_is_not_to_be_trusted():
     tree = fits.fit("sampled")
     assert tree["evidence"]["curve_error"] < 1e-9
     tree["evidence"]["curve_error"] = 0.1

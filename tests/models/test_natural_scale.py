@@ -63,7 +63,7 @@ NAMES = {
 }
 
 
-def test_each_parameter_has_a_coordinate():
+def test_each_parameter_has_a_named_coordinate():
     assert {energy: NaturalScale(energy).names for energy in NAMES} == NAMES
 
 
@@ -86,8 +86,8 @@ def stress_of(energy, biaxial):
 
 
 @pytest.mark.parametrize("energy", [*LAWS, *deep(DEEP)])
-def test_moduli_give_the_reference_stress_and_the_stress_ratios(energy):
-    """The strain is where the stress equals `STRESS`; others have logarithms and logits."""
+def test_moduli_reproduce_the_reference_stress_and_the_stress_ratios(energy):
+    """The stress at the reference strain is `STRESS`; other parameters have logs or logits."""
     scale = NaturalScale(energy, STRESS)
     x, biaxial = draws_of(scale), BIAXIAL in scale.names
     parameters = [p for p in energy.parameters for _ in range(p.size or 1)]
@@ -115,7 +115,7 @@ def test_moduli_give_the_reference_stress_and_the_stress_ratios(energy):
             np.testing.assert_allclose(logit((value - low) / (high - low)), row, rtol=SLOPE)
 
 
-def test_default_priors_are_those_of_the_documentation():
+def test_default_priors_equal_the_documented_priors():
     mean, sd = NaturalScale(ph.HolzapfelGasserOgden()).location_prior
     np.testing.assert_allclose(mean, [np.log(0.2), 0.0, 0.0, 0.0])
     assert sd.tolist() == [0.7, 2.0, 2.0, 1.5]
@@ -129,7 +129,7 @@ def test_default_priors_are_those_of_the_documentation():
     values = [*scale.location_prior[0], *scale.location_prior[1], *np.exp(scale.spread_prior[0])]
     np.testing.assert_allclose(values, [1.0, 2.0, 8 / 20])
     assert scale.numbers([np.array([-1.0, 2.0])])["shift"].tolist() == [-1.0, 2.0]
-    # Without a stress of reference a modulus keeps its own logarithm.
+    # Without a reference stress the coordinate of a modulus is its logarithm.
     without = NaturalScale(ph.NeoHookean(), None)
     high = ph.NeoHookean().parameters[0].prior_range[1]
     assert without.names == ["log_mu"]
@@ -162,8 +162,8 @@ def test_moduli_and_their_gradients_are_finite_in_extreme_materials():
         np.testing.assert_allclose(of_matrix, STRESS * expit(-point[1]), rtol=SLOPE, err_msg=name)
 
 
-def test_thickness_needs_a_distribution_of_positive_numbers():
-    """Also one whose draws are NaN is refused, since no comparison with NaN is true."""
+def test_prior_of_a_thickness_with_draws_that_are_not_positive_is_refused():
+    """A prior whose draws are NaN is refused too, although no comparison with NaN is true."""
     for mean, sd in ((0.3, 1.0), (np.nan, 1.0)):
         layer = ph.Layer(ph.NeoHookean(), pm.Normal.dist(mean, sd))
         with pytest.raises(ValueError, match=r"'thickness_1' has draws such as.*positive numbers"):
@@ -174,7 +174,7 @@ def test_thickness_needs_a_distribution_of_positive_numbers():
 
 
 def test_layers_have_the_coordinates_of_their_laws():
-    """Numbers have no coordinate, and thicknesses come last."""
+    """Fixed parameters have no coordinate, and thicknesses come last."""
     layers = [
         ph.Layer(ph.HolzapfelGasserOgden(), 0.3, beta=30.0),
         ph.Layer(ph.Demiray(), pm.LogNormal.dist(-1.5, 0.3)),

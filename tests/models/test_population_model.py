@@ -1,4 +1,4 @@
-"""Classes whose specimens differ: priors, the density of the model, and its samples."""
+"""Models of populations whose specimens differ: priors, density and prior samples."""
 
 import exact
 import numpy as np
@@ -44,7 +44,7 @@ def data():
     return ph.inflation_data(frame, tube)
 
 
-def test_correlations_have_the_distribution_of_lewandowski_kurowicka_and_joe():
+def test_correlations_have_the_lkj_distribution():
     """For LKJ(2) of three coordinates, entries r have (r + 1)/2 ~ Beta(5/2, 5/2).
 
     With partial correlations ρ, (ρ + 1)/2 ~ Beta(5/2, 5/2) twice and Beta(2, 2) once, the
@@ -79,7 +79,7 @@ def log_normal(value, median, sd):
 
 
 @pytest.mark.parametrize("differ", [False, True], ids=["simple", "with all effects"])
-def test_density_is_that_of_the_stated_model(data, differ):
+def test_density_of_a_population_equals_the_stated_distributions(data, differ):
     """Priors, correlated specimens, their experiments, noises and pressures, by SciPy."""
     sigma = pm.LogNormal.dist(np.log(0.7), 0.5) if differ else SIGMA
     variability = ph.Variability(experiment_effect=differ, reference_stress=30.0)
@@ -135,7 +135,7 @@ def test_density_is_that_of_the_stated_model(data, differ):
     np.testing.assert_allclose(found, expected, rtol=DENSITY_TOLERANCE)
 
 
-def test_specimens_have_noises_of_their_own_for_every_signal():
+def test_each_specimen_has_its_own_noise_for_every_signal():
     """Pressures, forces with an offset and diameters: the density of a dense normal."""
     data, sd = extended("outer_diameter"), pm.LogNormal.dist(0, 1)
     likelihood = ph.Gaussian(sd, force_sd=sd, diameter_sd=sd, force_offset_sd=25.0)
@@ -154,7 +154,7 @@ def test_specimens_have_noises_of_their_own_for_every_signal():
     np.testing.assert_allclose(found, expected, rtol=DENSITY_TOLERANCE)
 
 
-def test_specimens_of_layers_have_layers_of_their_own():
+def test_each_specimen_of_a_layered_wall_has_its_own_layers():
     """One modulus is known; a thickness that is a distribution differs between specimens."""
     thin = ph.Layer(ph.NeoHookean(), pm.LogNormal.dist(np.log(0.1), 0.2), mu=30.0)
     radius = np.linspace(1.1, 1.4, 4)
@@ -175,8 +175,8 @@ def test_specimens_of_layers_have_layers_of_their_own():
         np.testing.assert_allclose(pressure[4 * i : 4 * i + 4], expected, rtol=ROUNDING)
 
 
-def test_a_population_stands_by_itself_and_can_be_drawn_from(data):
-    """In the context of another model neither takes over the variables of the other."""
+def test_population_is_independent_of_the_context_and_can_be_sampled(data):
+    """A population model made in the context of another model shares no variables with it."""
     with pm.Model(coords={"obs": [0]}) as other:
         pm.Normal("location")
         with pytest.warns(UserWarning, match="stands by itself.*name="):

@@ -51,7 +51,7 @@ def test_default_priors_are_uniform_over_the_documented_range():
 
 
 @pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_record_of_a_prior_gives_the_same_density(name):
+def test_prior_restored_from_its_record_has_the_same_density(name):
     make, points = DISTRIBUTIONS[name]
     record = prior_to_record("x", make())
     again = prior_from_record(json.loads(json.dumps(record)))
@@ -61,7 +61,7 @@ def test_record_of_a_prior_gives_the_same_density(name):
     np.testing.assert_allclose(log_densities(again, points), expected, rtol=0, atol=SAME_DENSITY)
 
 
-def test_registered_priors_have_the_density_in_double_precision():
+def test_registered_priors_are_evaluated_in_double_precision():
     for prior, x, expected in (
         (pm.Uniform.dist(0, 50), 7.0, -np.log(50)),
         (pm.Exponential.dist(3), 0.7, np.log(3) - 2.1),
@@ -71,7 +71,7 @@ def test_registered_priors_have_the_density_in_double_precision():
         np.testing.assert_allclose(log_densities(prior, [x]), [expected], rtol=0, atol=SAME_DENSITY)
 
 
-def test_a_prior_that_cannot_be_stored_can_be_registered():
+def test_prior_that_cannot_be_stored_can_still_be_registered():
     """Distributions of distributions, and of matrices, cannot be read from a record."""
     prior = pm.Truncated.dist(pm.HalfNormal.dist(2), upper=3)
     for refused in (prior, pm.LKJCorr.dist(n=2, eta=2)):
@@ -94,7 +94,7 @@ def test_one_distribution_makes_independent_variables(prior):
     assert prior.name is None
 
 
-def test_distributions_of_layers_carry_the_number_of_the_layer_unless_shared():
+def test_distributions_of_layers_are_numbered_unless_shared():
     shared, thickness = pm.Gamma.dist(2, 0.1), pm.LogNormal.dist(-1, 0.3)
     layers = [
         ph.Layer(ph.Demiray(), 0.2, mu=shared),

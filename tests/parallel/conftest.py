@@ -11,5 +11,5 @@ def data():
 
 @pytest.fixture(scope="session")
 def undisturbed(data, tmp_path_factory):
-    """Return the result of work in one process, which nothing has disturbed."""
+    """Return the result of work in one process, without failures."""
     return computed(SimulatedWork(), data, tmp_path_factory.mktemp("undisturbed") / "store")

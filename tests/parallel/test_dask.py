@@ -53,10 +53,8 @@ def test_killed_workers_are_replaced(cluster, data, undisturbed, tmp_path):
     assert result.sel(specimen=others).equals(undisturbed.sel(specimen=others))
 
 
-def test_answers_that_die_with_their_worker_are_computed_again(
-    cluster, data, tmp_path, monkeypatch
-):
-    """Work that could not be sent, as to a worker that a batch has killed, is sent again."""
+def test_results_lost_with_their_worker_are_computed_again(cluster, data, tmp_path, monkeypatch):
+    """The work object is sent again if its first transfer failed, as with a killed worker."""
 
     async def until(condition):
         while not condition():
@@ -81,7 +79,7 @@ def test_answers_that_die_with_their_worker_are_computed_again(
 
 
 @pytest.mark.parametrize("processes", [True, False])
-def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp_path):
+def test_workers_with_two_threads_give_the_same_numbers_as_one_process(processes, tmp_path):
     """Compiled functions keep their input between two steps: two threads could mix specimens."""
     data = ph.load_dataset("simulated_sheep_aorta")
     settings = {"by": "test", "draws": 50, "random_seed": 1, "progressbar": False}
@@ -98,7 +96,7 @@ def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp
     assert found["evidence"]["error"].values.tolist() == [""] * data.sizes["test"]
 
 
-def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
+def test_cluster_without_workers_raises_an_error(data, tmp_path, monkeypatch):
     monkeypatch.setattr("pymc_hyperelastic.parallel.workers._PATIENCE", 1.0)
     monkeypatch.setattr("pymc_hyperelastic.parallel.run._LOOK", 0.2)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
@@ -121,13 +119,13 @@ def connected(address):
     """Return a client, however long the scheduler takes to answer."""
     while True:
         try:
-            # A client that has lost its scheduler tries to connect again for as long.
+            # This is also the time for which a client tries to reach a lost scheduler again.
             return distributed.Client(address, timeout=5)
         except OSError:
             continue
 
 
-def test_a_lost_scheduler_is_an_error_that_loses_nothing(data, undisturbed, tmp_path):
+def test_lost_scheduler_raises_an_error_and_finished_batches_are_kept(data, undisturbed, tmp_path):
     """The scheduler is killed while specimen S3 is computed."""
     (tmp_path / "scheduler.py").write_text(SCHEDULER)
     work = SimulatedWork(waits=("S3",), folder=tmp_path)

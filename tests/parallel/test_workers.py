@@ -1,4 +1,4 @@
-"""A cohort is computed batch by batch; whatever happens meanwhile, the numbers are the same."""
+"""Computation in batches gives the same numbers after failures, kills and interrupts."""
 
 import json
 import os
@@ -38,7 +38,9 @@ def check_others(result, undisturbed, *failed):
 
 
 @pytest.mark.parametrize("batch_size", [3, 64])
-def test_a_store_holds_the_result_of_the_work_itself(batch_size, data, undisturbed, tmp_path):
+def test_store_gives_the_same_result_as_the_work_in_one_call(
+    batch_size, data, undisturbed, tmp_path
+):
     result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=batch_size)
     assert result.identical(undisturbed)
     assert result.equals(SimulatedWork().run(data))
@@ -50,8 +52,8 @@ def test_a_store_holds_the_result_of_the_work_itself(batch_size, data, undisturb
     assert result["experiment"].values.tolist() == ["1", "2"] * SPECIMENS
 
 
-def test_a_second_call_computes_what_is_missing(data, undisturbed, tmp_path):
-    """Its batches may have another size; existing parts are not touched."""
+def test_second_call_computes_only_the_missing_parts(data, undisturbed, tmp_path):
+    """The second call may use another batch size; existing parts are not changed."""
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)
     parts = sorted(folder.glob("0*.nc"))
@@ -66,14 +68,14 @@ def test_a_second_call_computes_what_is_missing(data, undisturbed, tmp_path):
     assert {part: part.stat().st_mtime_ns for part in kept} == kept
 
 
-def test_of_overlapping_parts_the_longest_counts(tmp_path):
-    """A process that outlived its driver may have written what others have computed again."""
+def test_longest_of_overlapping_parts_is_used(tmp_path):
+    """A worker that outlived the main process may have written parts that overlap later ones."""
     for first, last in ((0, 2), (0, 4), (2, 4), (4, 6), (5, 8)):
         (tmp_path / f"{first:09d}-{last:09d}.nc").touch()
     assert parts_of(tmp_path) == [(0, 4), (4, 6)]
 
 
-def test_a_store_refuses_other_work_or_data(data, tmp_path):
+def test_store_refuses_other_work_or_data(data, tmp_path):
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder)
     for work, other, message in (
@@ -85,8 +87,8 @@ def test_a_store_refuses_other_work_or_data(data, tmp_path):
             computed(work, other, folder)
 
 
-def test_a_specimen_that_fails_becomes_a_row_with_its_message(data, undisturbed, tmp_path):
-    """The other specimens, also those of its batch, are as without it."""
+def test_failed_specimen_has_a_row_with_its_error_message(data, undisturbed, tmp_path):
+    """The results of all other specimens, including those of its batch, do not change."""
     with pytest.warns(UserWarning, match="2 of 20 failed.* the first is S3: no curve"):
         work = SimulatedWork(raises=("S3", "S19"))
         result = computed(work, data, tmp_path / "store", batch_size=8)
@@ -100,13 +102,13 @@ def test_a_specimen_that_fails_becomes_a_row_with_its_message(data, undisturbed,
 
 
 @pytest.mark.parametrize("cores", [1, 2])
-def test_an_error_of_the_program_ends_the_run(cores, data, tmp_path):
+def test_programming_error_ends_the_run(cores, data, tmp_path):
     work = SimulatedWork(factor=None)
     with pytest.raises(TypeError, match="NoneType"):
         computed(work, data, tmp_path / "store", cores=cores, batch_size=5)
 
 
-def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
+def test_failing_batch_is_retried_and_halved_until_one_specimen_remains(
     data, undisturbed, tmp_path, monkeypatch
 ):
     """A batch is tried three times; the next call tries the specimen at fault again."""
@@ -134,7 +136,7 @@ def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
     assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
 
 
-def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path):
+def test_damaged_part_is_named_in_a_warning_and_computed_again(data, undisturbed, tmp_path):
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)
     part = folder / "000000004-000000008.nc"
@@ -147,8 +149,8 @@ def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path)
         assert computed(SimulatedWork(), data, folder).identical(undisturbed)
 
 
-def test_a_part_of_another_store_is_refused_and_left(data, undisturbed, tmp_path):
-    """Two processes, one of them with other settings, may have written into one folder."""
+def test_part_of_another_store_is_refused_and_kept(data, undisturbed, tmp_path):
+    """The part was copied from a store with other settings."""
     folders = tmp_path / "own", tmp_path / "other"
     for folder, factor in zip(folders, (1.0, 2.0), strict=True):
         computed(SimulatedWork(factor=factor), data, folder, batch_size=4)
@@ -164,8 +166,8 @@ def test_a_part_of_another_store_is_refused_and_left(data, undisturbed, tmp_path
     assert computed(SimulatedWork(), data, folders[0]).identical(undisturbed)
 
 
-def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_path):
-    """Any selection is the same as from the result in memory."""
+def test_reading_a_specimen_opens_only_its_own_part(data, undisturbed, tmp_path):
+    """Any lazy selection equals the selection from the result in memory."""
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)
     lazy = ph.open_result(folder)
@@ -179,7 +181,7 @@ def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_p
     assert np.array_equal(lazy["pair"].isel(both), undisturbed["pair"].isel(both))
 
 
-def test_open_result_refuses_a_folder_that_is_no_store(tmp_path):
+def test_open_result_refuses_a_folder_without_a_valid_manifest(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"is no store: it has no manifest\.json"):
         ph.open_result(tmp_path)
     intact = {"format": 2, "by": "specimen", "units": 20}
@@ -189,14 +191,14 @@ def test_open_result_refuses_a_folder_that_is_no_store(tmp_path):
             ph.open_result(tmp_path)
 
 
-def test_wrong_settings_are_refused_before_anything_is_written(data, tmp_path):
+def test_wrong_settings_are_refused_before_a_file_is_written(data, tmp_path):
     for wrong in ({"batch_size": 0}, {"batch_size": 2.5}, {"cores": 0}, {"cores": "two"}):
         with pytest.raises((TypeError, ValueError), match=next(iter(wrong))):
             computed(SimulatedWork(), data, tmp_path / "store", **wrong)
     assert not (tmp_path / "store").exists()
 
 
-def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, monkeypatch):
+def test_full_disk_or_interrupt_keeps_finished_batches(data, undisturbed, tmp_path, monkeypatch):
     class Interrupted(SimulatedWork):
         def run(self, data):
             if "S9" in data["specimen"].values:
@@ -226,7 +228,7 @@ def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, 
 
 
 def test_unfinished_files_of_killed_processes_are_removed(data, tmp_path):
-    """A part of other specimens than those of the next batches; a living process keeps its own."""
+    """The unfinished file belongs to no later batch; the file of a living process is kept."""
     pytest.importorskip("fcntl", reason="only Unix has locks of files")
     folder = tmp_path / "store"
     computed(SimulatedWork(), data, folder, batch_size=4)
@@ -266,8 +268,8 @@ computed(work, cohort(), work.folder / "store", cores={cores}, batch_size=2)
 
 @pytest.mark.deep
 @pytest.mark.parametrize("cores", [1, 2])
-def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
-    """It is killed while specimen S7 is computed; with two cores a process outlives it."""
+def test_killed_main_process_keeps_finished_batches(cores, data, undisturbed, tmp_path):
+    """The kill comes while specimen S7 is computed; with two cores a worker outlives it."""
     here = [str(Path(simulated_work.__file__).parent)]
     code = DRIVER.format(paths=here, folder=str(tmp_path), cores=cores)
     with subprocess.Popen([sys.executable, "-c", code]) as process:
@@ -298,7 +300,7 @@ workers.close()
 
 @pytest.mark.parametrize("options", [[], ["-c", "import sys; exec(open(sys.argv[1]).read())"]])
 def test_processes_prefer_installed_modules_to_those_of_the_current_folder(options, data, tmp_path):
-    """In a script elsewhere, and where Python searches the current folder first."""
+    """Cases: a script in another folder, and a Python that searches the current folder first."""
     script = tmp_path / "scripts" / "run.py"
     script.parent.mkdir()
     here = [str(Path(simulated_work.__file__).parent)]
@@ -324,7 +326,7 @@ class Hoarding(SimulatedWork):
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:A worker was restarted")
-def test_a_worker_that_replaces_another_has_its_work(data, tmp_path):
+def test_replacement_of_a_worker_receives_the_work(data, tmp_path):
     workers, seen = Processes(Hoarding(), 1), set()
     for i in range(3):
         part = tmp_path / f"{i}.nc"
@@ -341,7 +343,7 @@ class Unreadable(SimulatedWork):
         return exec, ("raise ImportError('no module named pymc')",)
 
 
-def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path):
+def test_workers_that_cannot_start_raise_one_error(data, undisturbed, tmp_path):
     """No specimen is at fault: once the reason is gone, the same call computes all of them."""
     with pytest.raises(WorkersLost) as lost:
         computed(Unreadable(), data, tmp_path / "store", batch_size=4, cores=2)
@@ -350,8 +352,8 @@ def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path):
     assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
 
 
-def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
-    """A worker that a batch kills as soon as it comes is hardly ever seen, but makes events."""
+def test_cluster_without_workers_and_events_is_reported_as_lost(monkeypatch):
+    """A worker that is killed right after its start is rarely listed, but causes events."""
     monkeypatch.setattr("pymc_hyperelastic.parallel.workers._PATIENCE", -1.0)
     cluster, events, threads = object.__new__(Cluster), ["a worker came"], {}
     client = SimpleNamespace(nthreads=lambda: threads, get_events=lambda topic: tuple(events))

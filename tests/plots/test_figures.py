@@ -41,7 +41,7 @@ def test_axis_labels_name_quantity_and_unit(classes, few_draws):
         assert figure.aes["color"]["mapping"].values.tolist() == PALETTE[:2]
 
 
-def test_users_set_sizes_colours_and_visuals():
+def test_sizes_colours_and_visuals_can_be_set():
     figure = ph.plot_inflation(straight_lines(), figure_kwargs={"figsize": (9, 3)})
     assert figure.get_viz("figure").get_size_inches().tolist() == [9, 3]
     visuals, data = {"line": False, "points": {"size": 3}}, straight_lines(2, STRETCHES)
@@ -71,6 +71,6 @@ def without_data(tree):
         (lambda c, r: ph.plot_class_probability(r, none_below=1), "none_below is 1; expected"),
     ],
 )
-def test_wrong_input_is_refused(classes, result, call, message):
+def test_wrong_input_of_figures_is_refused(classes, result, call, message):
     with pytest.raises(ValueError, match=message):
         call(classes, result)

@@ -62,7 +62,7 @@ def test_mean_offset_is_subtracted_from_the_forces_of_its_test():
     assert_shown(ph.plot_axial_force(tree, backend="none"), force[~of_extension])
 
 
-def test_tests_of_unknown_offset_are_named_in_a_warning():
+def test_warning_names_experiments_of_unknown_offset():
     data = dataset()
     others = data.assign_coords(specimen=data["specimen"].astype("<U3"))
     others["specimen"][[0, 3]] = "new"

@@ -32,7 +32,7 @@ def scores():
     return ph.score_probabilities(result, ["C1", "C2", "C2", "C2"])
 
 
-def test_line_is_the_ecdf_minus_the_uniform_one(ranks):
+def test_line_is_the_difference_between_ecdf_and_uniform_distribution(ranks):
     figure = ph.plot_calibration_ranks(ranks, backend="none")
     for i, name in enumerate(ranks["parameter"].values):
         line = figure.get_viz("line", parameter=name)
@@ -48,7 +48,7 @@ def test_line_is_the_ecdf_minus_the_uniform_one(ranks):
     assert dict(one.viz["plot"].sizes) == {"parameter": 1}
 
 
-def test_simultaneous_band_holds_its_share_of_uniform_ranks():
+def test_simultaneous_band_contains_its_share_of_uniform_ranks():
     x, low, high = _simultaneous_band(200, 100, 0.9)
     assert x[0] == low[0] == high[0] == low[-1] == high[-1] == 0 and x[-1] == 1
     rank = np.random.default_rng(SEED).integers(0, 100, (1000, 200))
@@ -59,7 +59,7 @@ def test_simultaneous_band_holds_its_share_of_uniform_ranks():
     assert abs(inside.mean() - 0.9) < 0.04
 
 
-def test_reliability_points_intervals_and_bars_are_those_of_the_table(scores):
+def test_reliability_points_intervals_and_bars_equal_the_scores(scores):
     figure = ph.plot_reliability(scores, backend="none")
     assert dict(figure.viz["plot"].sizes) == {"part": 2, "forecast": 3}
     for name in ("most probable class", "C1", "C2"):

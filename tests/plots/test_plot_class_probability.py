@@ -14,7 +14,7 @@ def test_printed_probabilities_are_never_zero_or_one():
     assert [*printed] == ["<0.001", "0.001", "0.999", ">0.999"]
 
 
-def test_bars_errors_and_numbers_are_those_of_the_result(result):
+def test_bars_errors_and_numbers_equal_the_result(result):
     figure = ph.plot_class_probability(result, backend="none")
     rows = ["S1, experiment 3 (true class C1)", "S2, experiment 3 (true class C1)"]
     rows.append("S4, experiment 3 (true class C2)")
@@ -76,7 +76,7 @@ def test_decisions_p_values_and_limits_are_shown():
     assert texts(several, "title")[:2] == ["S1\n→ C1", "\n→ C1"]
 
 
-def test_panels_of_what_is_not_classified_name_the_classes(result):
+def test_panel_of_an_unclassified_specimen_names_the_classes(result):
     result["class_probability"][0] = np.nan
     figure = ph.plot_class_probability(result).get_viz("figure")
     assert {label.get_text() for label in figure.axes[-1].get_xticklabels()} == {"C1", "C2"}

@@ -18,7 +18,7 @@ def result():
     return compare(["mu", "log_reference_strain"])
 
 
-def test_points_and_intervals_are_those_of_the_result(result):
+def test_points_and_intervals_of_effects_equal_the_result(result):
     figure = ph.plot_comparison(result, backend="none")
     intervals = {
         "effect_size": result["effect_size_interval"],
@@ -37,7 +37,7 @@ def test_points_and_intervals_are_those_of_the_result(result):
     assert [figure.get_viz("nothing", panel=name)["x"] for name in intervals] == [0, 0.5]
 
 
-def test_curves_are_those_of_the_groups():
+def test_curves_and_bands_equal_the_values_of_the_groups():
     pressure = [1.0, 2.0, 3.0]
     with pytest.warns(UserWarning, match="have no compliance there"):
         result = compare("compliance", at=pressure)

@@ -45,7 +45,7 @@ def test_wall_stresses_have_a_line_for_each_pressure(tree):
     assert shown == ["10 mmHg", "20 mmHg", "posterior median", "95 % of the posterior"]
 
 
-def test_a_pressure_means_the_same_in_predictions_and_figures(tree):
+def test_figures_and_predictions_read_plain_pressures_in_kilopascal(tree):
     pressure = [2.0, 3.0]
     figure = ph.plot_elastic_properties(tree, pressure, backend="none")
     assert_band(
@@ -72,7 +72,7 @@ def test_extrapolated_values_are_dashed(tree):
     assert dashed["linestyle"] == "--"
 
 
-def test_wrong_input_is_refused(tree):
+def test_axial_stretch_argument_is_refused_with_what_to_write(tree):
     with pytest.raises(TypeError, match=r"at=ph.Conditions\(..., tube=ph.Tube\(axial_stretch=1.2"):
         ph.plot_wall_stress(tree, [10.0], axial_stretch=1.2)
 
@@ -84,7 +84,7 @@ def test_classes_differ_by_line_style_for_prints_in_grey(tree):
     assert len({median["linestyle"] for median in medians}) == 3
 
 
-def test_pressure_that_is_given_twice_is_one_label(tree):
+def test_pressure_given_twice_is_drawn_once(tree):
     at = ph.Conditions([20.0, 20.0], pressure_unit="mmHg")
     figure = ph.plot_wall_stress(tree, at, backend="none")
     assert figure.viz["median"]["sigma_tt"].sizes["pressure"] == 1

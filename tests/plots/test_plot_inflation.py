@@ -32,7 +32,7 @@ def test_every_measured_point_is_drawn_once(group_by, panels):
     np.testing.assert_allclose(points_of(figure), expected, rtol=1e-12)
 
 
-def test_of_many_specimens_or_tests_some_of_each_group_are_drawn_and_the_title_says_so():
+def test_only_some_of_many_specimens_are_drawn_and_the_title_counts_them():
     many = straight_lines(150)
     many["group"] = ("test", np.where(np.arange(150) < 100, "A", "B"))
     figure = ph.plot_inflation(many, backend="none")
@@ -44,7 +44,7 @@ def test_of_many_specimens_or_tests_some_of_each_group_are_drawn_and_the_title_s
     assert figure.get_viz("figure_title")["string"] == "240 of 300 tests"
 
 
-def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
+def test_labels_with_dollar_signs_are_not_shown_as_formulas():
     data = straight_lines(3).assign_attrs(title=r"$\frac{$ and $5")
     data["specimen"] = ("test", ["a$b$", r"$\frac{$", "$"])
     data["group"] = ("test", ["$x_1$", "$x_1$", r"\$y$"])
@@ -57,7 +57,7 @@ def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
     assert {(label, False) for label in labels} <= shown
 
 
-def test_every_specimen_and_cycle_has_a_look_of_its_own():
+def test_specimens_differ_in_colour_line_style_and_marker():
     data = straight_lines(40)
     # Two cycles of an experiment are both drawn.
     data["specimen"][1] = data["specimen"][0]

@@ -15,7 +15,7 @@ def result():
     return ph.expected_information(fits.fit("neo_hookean_classes"), DESIGNS, **settings)
 
 
-def test_points_and_errors_are_those_of_the_result(result):
+def test_points_and_errors_of_designs_equal_the_result(result):
     figure = ph.plot_information(result, backend="none")
     for name in ("information", "difference"):
         for row, design in enumerate(result["design"].values):

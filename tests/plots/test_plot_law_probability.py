@@ -87,7 +87,7 @@ def test_bars_are_probabilities_and_points_are_differences_of_evidences():
         assert numbers(other, panel) == numbers(figure, panel)
 
 
-def test_rows_are_as_high_as_the_longest_name():
+def test_height_of_rows_follows_from_the_longest_name():
     def height(name):
         fits = {name: fit(-120.0), "Ogden": fit(-121.0)}
         return ph.plot_law_probability(fits).get_viz("figure").get_size_inches()[1]
@@ -102,7 +102,7 @@ def test_error_of_a_probability_stays_between_0_and_1():
     assert np.all((line >= 0) & (line <= 1)) and np.ptp(line) > 0.4
 
 
-def test_infinite_error_is_written_as_cannot_be_judged():
+def test_law_with_an_infinite_error_cannot_be_judged():
     four = {law: LAWS[law] for law in ("Ogden", "Yeoh", "OgdenSeries(terms=3)", "Gent")}
     figure = plotted(four | {"Ogden": (-120.0, np.inf)})
     assert set(numbers(figure, "probability").values()) == {"cannot be judged"}
@@ -117,7 +117,7 @@ def test_infinite_error_is_written_as_cannot_be_judged():
     assert colours["cannot be judged"] != colours["0.00"]
 
 
-def test_each_class_has_a_marker():
+def test_each_class_has_a_marker_for_its_own_evidence():
     fits = {
         "Ogden": classes(C1=(-50.0, 0.1), C2=(-60.0, 0.2)),
         "Yeoh": classes(C1=(-52.0, 0.1), C2=(-59.0, 0.1)),
@@ -172,7 +172,7 @@ def test_evidences_of_other_data_or_noise_are_refused(first, other, message):
         ph.plot_law_probability({"A": first, "B": other})
 
 
-def test_wrong_input_is_refused():
+def test_single_fit_or_missing_evidence_is_refused():
     with pytest.raises(TypeError, match="one fit is no comparison"):
         ph.plot_law_probability(fit(-50.0))
     with pytest.raises(ValueError, match=r"lacks 'strain_energy_log_evidence'; .*average_over"):

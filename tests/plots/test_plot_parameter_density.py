@@ -23,7 +23,7 @@ def height_of(area):
     return np.ptp(path.vertices[:, 1])
 
 
-def test_regions_of_both_modes_hold_their_probability(classes):
+def test_regions_of_both_modes_contain_their_probability(classes):
     figure = ph.plot_parameter_density(classes, ci_probs=[0.5, 0.95])
     assert legend_texts(figure) == ["class C1", "class C2"]
     for name, tree in classes.children.items():
@@ -62,7 +62,7 @@ def test_regions_end_at_the_limit_of_a_uniform_prior(classes):
     assert 39.9 < top <= 40
 
 
-def test_dashed_line_holds_its_share_of_new_specimens():
+def test_dashed_line_contains_its_share_of_new_specimens():
     tree, members = hierarchical_class(0.2)
     figure = ph.plot_parameter_density(tree, ci_probs=[0.5, 0.8])
     (line,) = figure.viz["new"]["log_density"].values.ravel()

@@ -13,7 +13,7 @@ NEO = {"energy": ph.NeoHookean()}
 RING, BY_AREA = ph.Tube(1.0, 1.5, radii_of="ring"), ph.Tube(1.0, wall_area=3.0)
 
 
-def test_conditions_are_equal_if_their_numbers_are():
+def test_conditions_with_equal_numbers_are_equal():
     """Lists and arrays of pressures become tuples."""
     stated = ph.Conditions(np.array([1, 2]), pressure_range=[1, 2])
     assert stated == ph.Conditions([1.0, 2.0], pressure_range=(1.0, 2.0))
@@ -24,7 +24,7 @@ def test_conditions_are_equal_if_their_numbers_are():
     assert repr(ph.Conditions(3, density=1000.0)) == "Conditions(pressure=3.0, density=1000.0)"
 
 
-def test_plain_pressures_are_conditions_in_kilopascal():
+def test_plain_pressures_become_conditions_in_kilopascal():
     at = ph.Conditions(3, pressure_unit="mmHg")
     assert as_conditions(at) is at
     assert as_conditions(None) == ph.Conditions()
@@ -59,13 +59,12 @@ def test_impossible_conditions_are_refused(error, call, message):
 
 
 @pytest.mark.parametrize("function", [ph.radius_at_pressure, ph.tube_properties, ph.wall_stress])
-def test_missing_pressure_is_named(function):
+def test_conditions_without_pressure_are_refused_where_one_is_needed(function):
     with pytest.raises(ValueError, match="at states no pressure: give pressures in kPa, such as"):
         function(result(mu=[20.0]), ph.Conditions(tube=ph.Tube(**SHEEP)), **NEO)
 
 
-def test_wall_can_be_stated_by_its_measures():
-    """Thickness or area of the wall stand for a radius."""
+def test_tube_by_thickness_or_wall_area_equals_tube_by_radii():
     tree = result(mu=[20.0, 30.0])
     expected = ph.predict_pressure(tree, [8.0], tube=ph.Tube(7.0, 9.0), **NEO)
     area = np.pi * (9.0**2 - 7.0**2)
@@ -77,7 +76,7 @@ def test_wall_can_be_stated_by_its_measures():
         xr.testing.assert_allclose(found, expected, rtol=INVERSE)
 
 
-def test_radii_of_a_ring_are_those_of_the_sector():
+def test_tube_stated_as_a_ring_equals_its_opened_sector():
     tree = result(mu=[20.0])
     ring = ph.Tube(1.0, 1.5, opening_angle=0.3, convention="fung", radii_of="ring")
     sector = ph.Tube(**ring.geometry())
@@ -86,7 +85,7 @@ def test_radii_of_a_ring_are_those_of_the_sector():
     xr.testing.assert_identical(found, expected)
 
 
-def test_what_a_tube_does_not_state_is_that_of_the_specimen():
+def test_measures_missing_in_the_tube_are_taken_from_the_specimen():
     tree = fitted_tree(mu=[20.0])
     at = ph.Conditions(1.0, tube=ph.Tube(outer_radius=9.5))
     own = tree["constant_data"].to_dataset().isel(test=0)

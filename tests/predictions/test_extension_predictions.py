@@ -56,7 +56,7 @@ THREE = {**TUBE, "axial_stretch": STRETCHES}
         (ph.wall_stress, PRESSURES),
     ],
 )
-def test_one_stretch_per_point_equals_single_calls(function, points):
+def test_one_stretch_for_each_point_equals_single_calls(function, points):
     found = ask(function, tree(), points, THREE)
     assert found["axial_stretch"].dims == (found["axial_stretch"].dims[0],)
     np.testing.assert_array_equal(found["axial_stretch"], STRETCHES)
@@ -104,7 +104,7 @@ def at_stretches(function, points, stretches) -> xr.Dataset:
     return ask(function, fitted(), points, {"axial_stretch": stretches})
 
 
-def test_nothing_is_extrapolated_between_measured_stretches():
+def test_points_between_measured_stretches_are_not_extrapolated():
     stretches = [1.1, 1.2, 1.33, 1.4]
     found = at_stretches(ph.radius_at_pressure, [1.0, 2.0, 2.7, 3.0], stretches)
     assert not found["extrapolated"].any()
@@ -117,14 +117,14 @@ def test_nothing_is_extrapolated_between_measured_stretches():
     assert curve["extrapolated"].values.tolist() == [False, True]
 
 
-def test_warning_names_points_beyond_measured_stretches():
+def test_points_beyond_measured_stretches_are_extrapolated_with_a_warning():
     with pytest.warns(UserWarning, match=r"2 of 3 points.*axial stretch 1.05 to 1.5, measured"):
         found = at_stretches(ph.predict_pressure, 1.1, [1.05, 1.2, 1.5])
     assert found["extrapolated"].values.tolist() == [True, False, True]
     with pytest.warns(UserWarning, match=r"1 of 2 points.*pressure 3.8 kPa"):
         found = at_stretches(ph.radius_at_pressure, [2.0, 3.8], [1.2, 1.3])
     assert found["extrapolated"].values.tolist() == [False, True]
-    # An inflation test at this stretch alone went as far.
+    # At this stretch an inflation test reached the pressure.
     at_stretches(ph.radius_at_pressure, 3.5, 1.25)
     with pytest.warns(UserWarning, match="axial stretch 1.5, measured 1.1 to 1.4"):
         at_stretches(ph.radius_at_pressure, 2.0, 1.5)

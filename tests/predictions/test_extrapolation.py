@@ -21,7 +21,7 @@ def pressure_of(radius, mu=MU, **tube):
 
 
 def data_of(*tubes) -> xr.Dataset:
-    """Data of neo-Hookean tubes: of each what differs from the sheep's aorta, and its radii."""
+    """Return data of neo-Hookean tubes, stated by differences from the sheep aorta, and radii."""
     tables = []
     for number, (tube, radius) in enumerate(tubes, start=1):
         labels = {"specimen": f"S{number}", "experiment": 1, **SHEEP, "axial_stretch": 1.0, **tube}
@@ -45,7 +45,7 @@ def quietly(function, tree, points, **tube) -> list[bool]:
 
 
 @pytest.mark.parametrize("function", AT_RADII)
-def test_radii_beyond_the_data_are_extrapolated(function):
+def test_radii_beyond_the_data_are_marked_with_a_warning(function):
     asked = [6.9, RADIUS[0], 8.0, RADIUS[-1], 9.5]
     with pytest.warns(UserWarning, match=r"2 of 5 points .*6.9 to 9.5 mm.*7.2 to 8.8 mm") as caught:
         found = function(fitted(), asked)
@@ -55,7 +55,7 @@ def test_radii_beyond_the_data_are_extrapolated(function):
 
 
 @pytest.mark.parametrize("function", AT_PRESSURES)
-def test_pressures_beyond_the_data_are_extrapolated(function):
+def test_pressures_beyond_the_data_are_marked_with_a_warning(function):
     tree = fitted()
     top = float(tree["constant_data"]["pressure"].max())
     message = rf"1 of 3 points .*pressure {1.1 * top:.4g} kPa .* mmHg\), measured .* to {top:.4g}"
@@ -66,7 +66,7 @@ def test_pressures_beyond_the_data_are_extrapolated(function):
     assert found["extrapolated"].values.tolist() == [False, False, True]
 
 
-def test_tubes_of_other_size_are_compared_by_stretch():
+def test_range_of_a_tube_of_another_size_is_compared_by_stretch():
     tube = {name: 2 * value for name, value in SHEEP.items()}
     ends = RADIUS[[0, -1]]
     asked = 2 * np.concatenate([ends * [0.99, 1.01], ends])
@@ -98,13 +98,13 @@ def test_axial_stretches_between_measured_ones_are_not_extrapolated():
         assert found["extrapolated"].all()
 
 
-def test_extrapolation_warning_names_its_class():
+def test_extrapolation_warning_names_the_class():
     classes = xr.DataTree.from_dict({"soft": fitted(), "stiff": fitted()})
     with pytest.warns(UserWarning, match="^class 'stiff': 1 of 1 points is extrapolated"):
         ph.predict_pressure(classes["stiff"], [9.5])
 
 
-def test_tests_of_one_specimen_are_named_by_their_stretches():
+def test_ambiguous_axial_stretch_is_refused_with_the_measured_stretches():
     data = data_of(*(({"axial_stretch": s}, RADIUS) for s in (1.0, 1.25)))
     data = data.assign_coords(specimen=("test", ["S1", "S1"]), experiment=("test", [1, 2]))
     with pytest.raises(
@@ -114,19 +114,19 @@ def test_tests_of_one_specimen_are_named_by_their_stretches():
     assert "specimen" not in str(raised.value).replace("specimens", "")
 
 
-def test_inferred_geometry_counts_as_the_tube_of_the_data():
+def test_inferred_geometry_defines_the_measured_range():
     data = data_of(({}, RADIUS))
     unknown = data.assign({n: np.nan * data[n] for n in ("inner_radius", "outer_radius")})
     tree = fitted(unknown, inner_radius=[6.9, 7.0, 7.2], thickness=[1.9, 2.0, 2.2])
     assert quietly(ph.predict_pressure, tree, [7.1, *RADIUS, 9.0]) == [True, *[False] * 9, True]
     top = float(data["pressure"].max())
     assert quietly(ph.tube_properties, tree, [top, 1.01 * top]) == [False, True]
-    # Half as large in all, as far as it is known.
+    # The known measures are half as large.
     half = {"inner_radius": 3.5, "outer_radius": 4.5}
     assert quietly(ph.predict_pressure, tree, RADIUS[[0, -1]] / 2, **half) == [False, False]
 
 
-def test_outer_diameters_give_radii_by_the_median_tube():
+def test_range_of_outer_diameters_is_converted_with_the_median_tube():
     frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "outer_diameter": [18.4, 19.0, 20.0]})
     frame["pressure"] = [1.0, 2.0, 4.0]
     inferred = {"inner_radius": [7.0, 7.0, 7.1], "outer_radius": [8.9, 9.0, 9.1]}

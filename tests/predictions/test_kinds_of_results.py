@@ -133,7 +133,7 @@ def test_prediction_is_finite_and_names_its_specimen(results, kind, question, sp
 
 
 @pytest.mark.parametrize(("kind", "specimen"), SOME_KINDS)
-def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, specimen):
+def test_stored_energy_change_is_the_difference_between_two_pressures(results, kind, specimen):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         at = ph.Conditions([2.0, 3.0], pressure_range=(2.0, 3.0))
@@ -151,7 +151,7 @@ def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, 
 
 
 @pytest.mark.parametrize(("kind", "specimen"), SOME_KINDS)
-def test_fit_is_drawn_with_the_data_of_the_specimen(results, kind, specimen):
+def test_pressure_fit_is_drawn_with_the_data_of_the_specimen(results, kind, specimen):
     figure = ph.plot_pressure_fit(results[kind], specimen=specimen, backend="none")
     assert "extrapolated" not in figure.viz
     title = figure.get_viz("figure_title")["string"] if "figure_title" in figure.viz else ""
@@ -164,7 +164,7 @@ def test_fit_is_drawn_with_the_data_of_the_specimen(results, kind, specimen):
 # --- the numbers ---------------------------------------------------------------------------------
 
 
-def test_curves_of_layers_are_those_of_each_draw(results):
+def test_curves_of_layers_use_the_parameters_of_each_draw(results):
     """Curves of each draw are those of the layers with its numbers, in the tube of its data."""
     tree, radius = results["layers"], [8.0, 8.5]
     functions = {
@@ -182,8 +182,8 @@ def test_curves_of_layers_are_those_of_each_draw(results):
         np.testing.assert_allclose(found[1, 7], expected, rtol=ROUNDING)
 
 
-def test_layers_of_one_material_predict_like_one_wall(results):
-    """A wall that is divided in thought has the properties, stresses and verdict of the whole."""
+def test_layers_of_one_material_equal_a_single_wall(results):
+    """A wall divided into layers of its own material has unchanged properties and stresses."""
     mu, tree = pm.Uniform.dist(0, 100), results["inflation_model"]
     layers = [ph.Layer(ph.NeoHookean(), t, mu=mu) for t in (0.5, 1.2, 0.3)]
     for function, at in PREDICTIONS.values():
@@ -211,7 +211,7 @@ def test_stresses_of_layers_balance_the_pressure(results):
     assert jump.max() > 100 * np.median(jump)
 
 
-def test_typical_specimen_has_the_parameters_of_the_location(results):
+def test_typical_specimen_has_the_modulus_of_the_location(results):
     """A neo-Hookean solid has ``T = μ (λ² − λ⁻²)`` of 20 kPa at the reference strain."""
     unit = ph.predict_pressure(sampled(mu=(1.0, 0.0)), [8.0])["pressure"].values[0, 0, 0]
     for kind in DIFFER:
@@ -221,7 +221,7 @@ def test_typical_specimen_has_the_parameters_of_the_location(results):
         np.testing.assert_allclose(found, 20 / (2 * np.sinh(2 * strain)) * unit, rtol=INVERSE)
 
 
-def test_specimen_of_a_class_has_the_modulus_of_its_curves(results):
+def test_specimen_of_a_class_is_predicted_with_its_own_modulus(results):
     """The curves of a specimen determine its modulus more than its class does."""
     unit = ph.predict_pressure(sampled(mu=(1.0, 0.0)), [8.0])["pressure"].values[0, 0, 0]
     for specimen, mu in {"A1": 30.0, "A2": 38.0, "A3": 50.0}.items():
@@ -236,7 +236,7 @@ def test_specimen_of_a_class_has_the_modulus_of_its_curves(results):
         np.testing.assert_allclose(of_population["pressure"][..., 0], expected)
 
 
-def test_naming_a_specimen_gives_its_tube():
+def test_specimen_argument_selects_the_tube_of_the_specimen():
     """If tubes differ, the name of a specimen determines the tube; the material is shared."""
     frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
     frame["radius"], frame["pressure"] = [7.2, 7.6, 8.0, 7.2, 7.6, 9.0], [2.0, 4.0, 7.0] * 2
@@ -251,8 +251,8 @@ def test_naming_a_specimen_gives_its_tube():
     assert not found["extrapolated"].any()  # the other specimen was inflated further
 
 
-def test_measured_range_of_a_specimen_is_its_own(results):
-    """The range of another specimen does not count."""
+def test_extrapolation_of_a_specimen_uses_its_own_measured_range(results):
+    """The measured ranges of other specimens are ignored."""
     tree = results["variable class"].copy(deep=True)
     data = tree["constant_data"].to_dataset()
     keep = ~((data["test"].values == 0) & (data["radius"].values > 8.0))
@@ -292,7 +292,7 @@ def without_data(tree):
 
 
 # The kind of result, a call, and the message.
-NOT_OFFERED = [
+UNSUPPORTED = [
     ("layers", lambda tree: fit_layers(), "do not make a class.*ph.inflation_model"),
     ("layers", lambda tree: classify(TRAINING["soft"], tree), "ph.fit_classes"),
     ("layers", lambda tree: predict(tree, tube=ph.Tube(outer_radius=9.0)), "outer_radius.*layers"),
@@ -319,7 +319,7 @@ NOT_OFFERED = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "call", "message"), NOT_OFFERED)
+@pytest.mark.parametrize(("kind", "call", "message"), UNSUPPORTED)
 def test_unsupported_prediction_is_refused(results, kind, call, message):
     with pytest.raises((TypeError, ValueError), match=message), warnings.catch_warnings():
         warnings.simplefilter("error")

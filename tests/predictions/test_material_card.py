@@ -66,7 +66,7 @@ def spread(parameters, draws=4):
 
 
 def energies(energy, parameters, stretches):
-    """What the package says."""
+    """Energies by the package."""
     values = {k: tuple(v) if np.ndim(v) else v for k, v in parameters.items()}
     return energy.energy(*map(pt.as_tensor, stretches.T), **values).eval(mode=AS_WRITTEN)
 
@@ -262,7 +262,7 @@ def bulk_modulus(card, code):
 
 @pytest.mark.parametrize("code", CODES)
 @pytest.mark.parametrize("law", ORDINARY)
-def test_energy_by_the_formula_of_the_code_equals_that_of_the_law(law, code):
+def test_energy_by_the_formula_of_the_code_equals_the_energy_of_the_law(law, code):
     energy, parameters = ORDINARY[law]
     tree, stretches = spread(parameters), stretched()
     if energy.name in NO_CARD[code]:
@@ -322,7 +322,7 @@ def test_bulk_modulus_is_1000_times_the_stiffness_at_rest(code):
 # --- numbers -------------------------------------------------------------------------------------
 
 
-def test_numbers_keep_their_digits():
+def test_numbers_on_a_card_keep_their_digits():
     c10 = 10.0 ** np.random.default_rng(SEED + 3).uniform(-8, 8, 300)
     c01 = -c10 / 3
     settings = {"energy": ph.MooneyRivlin(), "draws": 300}
@@ -360,7 +360,7 @@ def drawn_numbers(energy, draws, **settings):
     return febio_numbers(febio_materials(card)["wall"]), " ".join(card.split())
 
 
-def test_default_draw_lies_in_a_bent_posterior():
+def test_default_draw_lies_on_the_ridge_of_a_bent_posterior():
     """On the ridge ``c10 c01 = 16`` the default is a draw of it, where the mean is far from it."""
     c10 = np.exp(np.linspace(np.log(1.0), np.log(16.0), 41))
     draws = {"c10": c10, "c01": 16 / c10}
@@ -385,7 +385,7 @@ NEAREST = {
 
 
 @pytest.mark.parametrize(("c1", "c2", "c3", "expected"), NEAREST.values(), ids=NEAREST)
-def test_rounding_errors_do_not_choose_the_draw(c1, c2, c3, expected):
+def test_chosen_draw_does_not_depend_on_rounding_errors(c1, c2, c3, expected):
     """Relative errors of 1e-14 in the draws do not change which draw the card holds."""
     draws, rng = np.array([c1, c2, c3]), np.random.default_rng(SEED)
     for error in [0.0] + [1e-14] * 20:
@@ -398,7 +398,7 @@ def test_rounding_errors_do_not_choose_the_draw(c1, c2, c3, expected):
 
 
 @pytest.mark.parametrize("point", ["draw", "mean", "median"])
-def test_sign_of_ogdens_exponent_does_not_matter(point):
+def test_sign_of_ogdens_exponent_does_not_change_the_card(point):
     draws = {"mu": [5.0] * 5, "alpha": [7.0, -8.0, 9.0, -7.5, 8.5]}
     found, _ = drawn_numbers(ph.Ogden(), draws, point=point)
     assert abs(found["m1"]) == 8.0 and found["m2"] == -found["m1"]
@@ -424,7 +424,7 @@ def test_layers_become_materials_from_the_inside_out(code):
     assert "layer 2 of 2 from the inside, 0.2 mm thick" in said
 
 
-def test_card_of_the_typical_and_of_a_named_specimen():
+def test_card_states_the_typical_or_the_named_specimen_and_its_modulus():
     tree = fits.fit("neo_hookean_classes")["soft"]
     names = {None: "the typical specimen", "A1": "specimen 'A1'", "A3": "specimen 'A3'"}
     moduli = {}
@@ -437,7 +437,7 @@ def test_card_of_the_typical_and_of_a_named_specimen():
 
 
 @pytest.mark.parametrize("code", CODES)
-def test_names_stay_within_their_comment(code):
+def test_names_with_control_characters_stay_within_their_comment(code):
     name = "A--\n*STEP -->é\x01" + "x" * 600
     tree = fitted_tree(mu=[20.0, 21.0])
     tree.name = name
@@ -476,13 +476,15 @@ REFUSED = {
 @pytest.mark.parametrize(
     ("energy", "parameters", "settings", "fragments"), REFUSED.values(), ids=REFUSED
 )
-def test_wrong_input_is_refused(energy, parameters, settings, fragments, code):
+def test_wrong_settings_and_unsuitable_parameters_are_refused(
+    energy, parameters, settings, fragments, code
+):
     settings = {"code": code, "energy": energy} | settings
     card = partial(ph.material_card, one_draw(parameters), **settings)
     assert_refused(card, ValueError, fragments)
 
 
-def test_users_own_law_has_no_card(monkeypatch):
+def test_law_of_a_user_is_refused(monkeypatch):
     monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
 
     class Softer(ph.NeoHookean):

@@ -23,9 +23,9 @@ INNER, THICKNESS = np.array([6.8, 7.0, 7.2]), np.array([1.9, 2.0, 2.2])
     ],
     ids=["pressure", "stiffness", "axial force"],
 )
-def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
+def test_each_draw_is_predicted_with_its_own_parameters(predict, name, function):
     values = {"mu": [4.0, 6.0, 5.0], "alpha": [8.0, 12.0, -3.0]}
-    # The order of dimensions does not matter.
+    # The result does not depend on the order of dimensions.
     posterior = result(**values)["posterior"].to_dataset().transpose()
     tree = xr.DataTree.from_dict({"posterior": posterior})
     tube, radius = TUBES["in vivo"], [0.3, 0.5]
@@ -47,7 +47,7 @@ INFERRED = {
 
 
 @pytest.mark.parametrize("wall", INFERRED.values(), ids=INFERRED)
-def test_inferred_geometry_is_that_of_each_draw(wall):
+def test_each_draw_is_predicted_with_its_own_geometry(wall):
     axial, angle = np.array([1.1, 1.2, 1.3]), np.full(3, 0.6)
     tree = result(
         mu=np.full(3, 20.0), inner_radius=INNER, axial_stretch=axial, opening_angle=angle, **wall
@@ -79,7 +79,7 @@ def test_inferred_geometry_is_that_of_each_draw(wall):
         ({"outer_radius": 8.2}, {"outer_radius": [8.5]}, 8.2),
     ],
 )
-def test_keyword_precedes_posterior_precedes_data(given, inferred, outer):
+def test_tube_argument_overrides_posterior_and_posterior_overrides_data(given, inferred, outer):
     tree = fitted_tree(mu=[20.0], **inferred)
     found = ph.predict_pressure(tree, [8.0], tube=ph.Tube(**given))
     expected = oracles.neo_hookean_pressure(20.0, 8.0, 7.0, outer)

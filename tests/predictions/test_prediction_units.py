@@ -8,8 +8,8 @@ import pymc_hyperelastic as ph
 
 
 @pytest.mark.parametrize("function", AT_PRESSURES)
-def test_pressures_in_mmhg(function):
-    """The pressures of the result have the unit of those asked for, all other numbers have not."""
+def test_pressures_in_mmhg_give_the_same_prediction_as_in_kpa(function):
+    """The pressure coordinate keeps the given unit; all other numbers are in internal units."""
     tree, neo, tube = result(mu=[20.0, 30.0]), {"energy": ph.NeoHookean()}, ph.Tube(**SHEEP)
     expected = function(tree, ph.Conditions([1.0, 2.0], tube=tube), **neo)
     assert expected["pressure"].attrs["units"] == "kPa"
@@ -21,7 +21,7 @@ def test_pressures_in_mmhg(function):
     xr.testing.assert_allclose(found, expected, rtol=INVERSE)
 
 
-def test_pressure_probably_given_in_mmhg_is_a_warning():
+def test_extrapolation_warning_suggests_mmhg_for_a_high_pressure():
     tree = fitted_tree("Ogden", mu=[30.0], alpha=[7.0])
     with pytest.warns(UserWarning, match=r"100 kPa \(750.1 mmHg\).*pressure_unit='mmHg'"):
         ph.tube_properties(tree, 100, check="ignore")

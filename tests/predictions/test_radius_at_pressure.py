@@ -77,7 +77,7 @@ def test_pressure_that_is_not_reached_is_nan_and_counted():
         )
 
 
-def test_pressure_beyond_an_asymptote_is_not_reached():
+def test_pressure_beyond_the_asymptote_of_a_curve_is_not_reached():
     """A neo-Hookean tube carries ``μ k/λz ln(B/A)`` when it is infinitely wide, and no more."""
     limit = 20.0 * np.log(9 / 7)
     at = sheep([0.999 * limit, limit])
@@ -86,7 +86,7 @@ def test_pressure_beyond_an_asymptote_is_not_reached():
     assert np.isfinite(found["radius"][0, 0, 0])
 
 
-def test_second_rising_branch_is_not_taken():
+def test_radius_on_a_second_rising_branch_is_not_returned():
     tube = {"inner_radius": 1.0, "outer_radius": 1.05}
     energy = ph.OgdenSeries(3)
     radius = np.linspace(1.0, 8.0, 1000)
@@ -101,7 +101,7 @@ def test_second_rising_branch_is_not_taken():
     assert np.isnan(found[1])
 
 
-def test_overflowing_stress_is_a_pressure_beyond_the_radius():
+def test_radius_is_found_below_the_radius_where_stress_overflows():
     parameters = {"mu": 20.0, "limit": 0.5}
     settings = {"energy": ph.Gent(), "check": "ignore"}
     found = ph.radius_at_pressure(one_draw(parameters), sheep([1.0, 10.0, 1000.0]), **settings)

@@ -104,7 +104,7 @@ def test_every_property_has_a_unit():
 
 
 @some_laws_and_tubes
-def test_stored_energy_is_the_work_done(law, tube):
+def test_stored_energy_equals_the_work_done(law, tube):
     """``∫ p dV`` at constant length, and against ``F + π a² p`` at constant radius."""
     properties, pressure = inflated(law, tube)
     energy, parameters = LAWS[law].strain_energy, LAWS[law].parameters[0][0]
@@ -149,20 +149,20 @@ def test_stiffness_and_energy_of_two_layers_equal_adaptive_quadrature():
         np.testing.assert_allclose(values, list(map(float, exact)), rtol=EXACT)
 
 
-def test_axial_properties_have_a_remark_if_no_force_was_measured():
+def test_axial_properties_have_a_comment_if_no_force_was_measured():
     tree = fitted_tree(mu=[20.0, 30.0])
     data = tree["constant_data"].to_dataset()
 
-    def remarks():
+    def commented():
         found = ph.tube_properties(tree, [2.0])
         return {name for name in found if "comment" in found[name].attrs}
 
-    assert remarks() == {"axial_force", "axial_stress", "axial_material_stiffness"}
+    assert commented() == {"axial_force", "axial_stress", "axial_material_stiffness"}
     force = np.full(data.sizes["obs"], np.nan)
     tree["constant_data"] = xr.DataTree(data.assign(axial_force=("obs", force)))
-    assert remarks()
+    assert commented()
     force[2] = 3.0
     tree["constant_data"] = xr.DataTree(data.assign(axial_force=("obs", force)))
-    assert not remarks()
+    assert not commented()
     unknown = ask(ph.tube_properties, result(mu=[20.0]), [2.0], SHEEP, energy=ph.NeoHookean())
     assert "comment" not in unknown["axial_stress"].attrs

@@ -35,7 +35,7 @@ def wall_integral(integrand: xr.DataArray, stress: xr.Dataset, tube: dict, weigh
 
 @every_tube_and_law
 def test_stresses_balance_pressure_and_axial_force(energy, parameters, tube):
-    """Hoop stress balances the pressure, axial stress the axial force; radial is that on the faces.
+    """The stresses balance the pressure, the axial force, and the loads on both surfaces.
 
     ``∫ σθθ dr = p a`` and ``∫ σzz 2π r dr = F + π a² p``: three results that share no formula.
     """
@@ -56,8 +56,8 @@ def test_stresses_balance_pressure_and_axial_force(energy, parameters, tube):
     axial = wall_integral(
         stress["sigma_zz"] * 2 * np.pi * stress["current_radius"], stress, tube, weight / 2
     )
-    told = pytest.warns(UserWarning, match="the axial force is 0 .* whatever the parameters")
-    with told if law_has_no_force(energy, tube) else nullcontext():
+    warning = pytest.warns(UserWarning, match="the axial force is 0 .* whatever the parameters")
+    with warning if law_has_no_force(energy, tube) else nullcontext():
         force = ph.predict_axial_force(tree, a, tube=at.tube, energy=energy)
     force = force["axial_force"].values[0, 0]
     np.testing.assert_allclose(axial, force + np.pi * a**2 * pressure, rtol=tolerance)

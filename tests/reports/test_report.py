@@ -42,7 +42,7 @@ def page(tmp_path_factory):
     return Page(ph.report(results, folder / "report.html", {"Third": THIRD}, at=in_mmhg))
 
 
-def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
+def test_chapters_are_in_order_and_the_page_loads_no_resources(page):
     assert_sound(page)
     links = [a["href"] for tag, a in page.elements if tag == "a"]
     assert links[1:] == [f"#{name}" for name in ANCHORS]
@@ -50,7 +50,7 @@ def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
     assert "cannot be shown" not in page.text
 
 
-def test_posterior_table_holds_the_numbers_of_the_result(page):
+def test_posterior_table_equals_the_result(page):
     headings, rows = page.table("Posterior of the parameters")
     assert headings[3:7] == ["mean", "sd", "eti95_lb", "eti95_ub"]
     for row, tree in zip(rows[::2], fitted_classes().children.values(), strict=True):
@@ -61,7 +61,7 @@ def test_posterior_table_holds_the_numbers_of_the_result(page):
         assert row[headings.index("r_hat")] < 1.05
 
 
-def test_decision_table_holds_the_numbers_of_the_result(page):
+def test_decision_table_equals_the_result(page):
     result = classified()
     headings, rows = page.table("Decisions and probabilities")
     assert [row[0] + row[2] + row[3] for row in rows] == ["S1C1C1", "S1C1C2", "S2C2C1", "S2C2C2"]
@@ -74,7 +74,7 @@ def test_decision_table_holds_the_numbers_of_the_result(page):
         assert row == [name, *ph.log_evidence(tree), "good"]
 
 
-def test_specimen_table_counts_points_and_gives_ranges(page):
+def test_specimen_table_states_number_of_points_and_ranges(page):
     headings, rows = page.table("Specimens: Third")
     assert [row[0] for row in rows] == ["S1", "S2", "S3", "S4", "S5"]
     assert rows[3][1:4] == ["C2", 1.0, 20.0]
@@ -84,7 +84,7 @@ def test_specimen_table_counts_points_and_gives_ranges(page):
     assert rows[3][headings.index("outer radius at rest (mm)")] == 9.0
 
 
-def test_properties_are_those_of_the_stated_tube(write_words):
+def test_properties_are_computed_for_the_stated_tube(write_words):
     """A report has the pressures, the unit and the tube of its conditions."""
     tree = fitted_classes()["C2"]
     at = ph.Conditions([4.0, 8.0], tube=ph.Tube(outer_radius=9.5), density=1000.0)
@@ -95,7 +95,7 @@ def test_properties_are_those_of_the_stated_tube(write_words):
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_property_table_holds_the_numbers_of_tube_properties(page):
+def test_property_table_equals_tube_properties(page):
     _, rows = page.table("Elastic properties")
     tree = fitted_classes()["C2"]
     properties = ph.tube_properties(tree, ph.Conditions(rows[-1][2], pressure_unit="mmHg"))
@@ -114,7 +114,7 @@ def test_property_table_holds_the_numbers_of_tube_properties(page):
     assert {row[3] for row in rows} == {"mm²/kPa", "1/kPa", "kPa", "m/s"}
 
 
-def test_names_with_markup_stay_text(write):
+def test_names_with_markup_are_shown_as_text(write):
     data = curves(NASTY, group=NASTY[0])
     data.attrs = {"title": NASTY[0], "description": NASTY[1], "source": NASTY[2]}
     result = classified(NASTY[:2]).assign_coords(class_label=[NASTY[1], NASTY[2]])
@@ -132,7 +132,7 @@ def test_names_with_markup_stay_text(write):
         assert f"specimen {name}" in text_of(probabilities)
 
 
-def test_control_characters_of_names_leave_page_and_figures_sound(write):
+def test_control_characters_in_names_do_not_damage_page_and_figures(write):
     """XML, and so a drawing, cannot hold them; half of a character cannot be written at all."""
     page = write(classified(["bell \x07", "S2"]), title="half \ud800, null \x00")
     assert_sound(page)
@@ -163,7 +163,7 @@ def test_wrong_input_is_refused_before_a_file_is_written(tmp_path, result, setti
     assert not list(tmp_path.iterdir())
 
 
-def test_same_results_give_the_same_file_and_leave_matplotlib_as_it_was(write, monkeypatch):
+def test_same_results_give_the_same_file_and_matplotlib_is_unchanged(write, monkeypatch):
     from matplotlib import pyplot as plt
 
     plt.close("all")

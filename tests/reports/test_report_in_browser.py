@@ -101,7 +101,7 @@ def test_page_loads_and_logs_nothing_and_no_content_overflows(opened, path):
     assert page.evaluate(ILLEGIBLE) == []
 
 
-def test_text_of_figures_is_inside_of_their_drawings(browser, path):
+def test_text_of_figures_is_inside_the_drawing(browser, path):
     page, drawings = browser.new_page(), Page(path).figures
     assert drawings
     for label, drawing in drawings.items():

@@ -22,7 +22,7 @@ def methods(result, show=add_methods):
     return " ".join(page.methods)
 
 
-def test_methods_settings_and_versions_of_pooled_classes(write_words):
+def test_methods_and_settings_describe_pooled_classes_and_versions(write_words):
     page = write_words(fitted_classes())
     for words in (
         "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: ",
@@ -65,7 +65,7 @@ class LawWithoutEquation(ph.StrainEnergy):
         return mu / 2 * (radial**2 + hoop**2 + axial**2 - 3)
 
 
-def test_each_law_has_an_equation_and_one_without_is_named(write_words):
+def test_laws_have_an_equation_and_a_law_without_one_is_reported(write_words):
     laws = [getattr(strain_energy, name) for name in strain_energy.__all__]
     for law in laws:
         if isinstance(law, type) and issubclass(law, ph.StrainEnergy) and law.parameters:
@@ -75,7 +75,7 @@ def test_each_law_has_an_equation_and_one_without_is_named(write_words):
     assert ["equation", "not stated"] in page.table("Settings")[1]
 
 
-def test_a_prior_in_a_file_is_looked_up_among_distributions_only(write_words):
+def test_prior_named_after_a_function_of_pymc_is_refused(write_words):
     """A file may hold any name: that of a function of PyMC is refused, and not called."""
     for name in ("Model", "sample", "__loader__"):
         tree = fitted_class(ONE, "NeoHookean")

@@ -61,7 +61,7 @@ def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words,
 
 
 @pytest.mark.deep
-def test_report_of_a_fitted_cohort(write, tmp_path):
+def test_report_of_a_fitted_cohort_shows_parameters_and_properties(write, tmp_path):
     settings = {"random_seed": 1, "draws": 100, "store": ph.Store(tmp_path / "s", cores=1)}
     at = ph.Conditions([80, 120], pressure_unit="mmHg")
     fitted = ph.fit_cohort(ph.Ogden(), DATA, 0.4, at=at, **settings)

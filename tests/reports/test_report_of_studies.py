@@ -84,7 +84,7 @@ def test_report_of_a_study_has_all_chapters(page):
         assert words in page.methods
 
 
-def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
+def test_fit_tables_equal_the_results_of_specimens_and_classes(page, results):
     variable = results["Classes"]
     headings, rows = page.table("Posterior of the parameters")
     spread = variable["soft"]["posterior"]["spread"].values[..., 0]
@@ -98,7 +98,7 @@ def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
         np.testing.assert_array_equal([row[place] for row in rows], expected)
 
 
-def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
+def test_difference_table_equals_compare_classes(page, results):
     result = results["Compared"].sel(quantity="mu").isel(comparison=0)
     headings, (row,) = page.table("Differences of the typical specimens: Compared")
     typical = result.sel(statistic="typical")
@@ -141,7 +141,7 @@ def test_planned_tests_are_ranked_by_information(write, write_words):
     assert "may be as good as curve" not in write_words(far).warnings
 
 
-def test_planned_studies_have_the_numbers_of_plan_study(write_words):
+def test_table_of_planned_studies_equals_plan_study(write_words):
     settings = {"studies": 20, "draws": 50, "random_seed": 1}
     plan = ph.plan_study(fits.fit("neo_hookean_classes"), ["mu", "log mu"], (4, 12), **settings)
     page = write_words({"Plan": plan})
@@ -157,7 +157,7 @@ def test_planned_studies_have_the_numbers_of_plan_study(write_words):
     assert "simulated studies of 4 and 12 specimens per group" in page.methods
 
 
-def test_report_of_forces_and_extension_tests(write):
+def test_report_counts_extension_tests_and_says_if_forces_were_used(write):
     data = extended()
     data["pressure"] *= 0.1
     page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
@@ -172,7 +172,7 @@ def test_report_of_forces_and_extension_tests(write):
     assert "Axial forces were measured too." in page.methods and left_out not in page.methods
 
 
-def test_report_of_an_average_over_laws(write_words):
+def test_report_lists_the_laws_of_an_average_and_describes_data_once(write_words):
     laws = ("NeoHookean", "Demiray")
     fitted = [fitted_classes(energy=law, draws=20) for law in laws]
     expected = [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.06, -3.0, 0.2]]
@@ -189,7 +189,7 @@ def test_report_of_an_average_over_laws(write_words):
     assert "tube with the strain energy Demiray, W" in second
 
 
-def test_explanations_have_a_table_of_their_parts(write_words):
+def test_explanation_table_equals_the_parts_of_the_log_ratio(write_words):
     parts = np.array([[[1.0, 0.5], [-1.0, -0.5]], [[-2.0, 0.25], [2.0, -0.25]]])
     of_class = ("specimen", "class_label")
     explained = xr.Dataset(
@@ -221,7 +221,7 @@ def test_settings_list_the_priors_of_hierarchical_classes():
     assert "experiment_spread[log_reference_strain]" in found
 
 
-def test_specimens_with_a_large_shape_are_named(write_words):
+def test_specimens_with_a_large_pareto_shape_are_named(write_words):
     classes = fits.fit("neo_hookean_classes").filter(lambda node: "stiff" not in node.path)
     specimens = classes["soft"]["specimens"]
     specimens["pareto_k"].values[:] = 0.1, 0.49, 0.5
@@ -231,7 +231,7 @@ def test_specimens_with_a_large_shape_are_named(write_words):
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore::UserWarning")  # draws are few
-def test_reports_of_sampled_models_of_other_kinds(write_words):
+def test_reports_describe_layers_populations_and_own_pymc_models(write_words):
     data, noise = TRAINING["soft"], ph.Gaussian(0.4)
     layers = [ph.Layer(ph.NeoHookean(), 1.2, mu=20.0), ph.Layer(ph.Demiray(), 0.8, b=0.5)]
     layered = data.assign(outer_radius=data["outer_radius"].where(False))

@@ -14,14 +14,14 @@ MEASURED = ph.load_dataset("murine_pulmonary_artery")
 NOTHING = "No problem was found."
 
 
-def test_report_without_warnings_says_what_was_checked(write_words):
+def test_report_without_warnings_states_the_checks_that_were_made(write_words):
     page = write_words({"Artery": fitted_class(ph.select(MEASURED, group="control"))})
     assert NOTHING in page.warnings
     assert "Caution" not in page.warnings and "Not to be trusted" not in page.warnings
     assert "the report checks the evidence of each class" in page.warnings
 
 
-def test_nothing_is_said_of_a_fit_that_was_not_compared_with_its_data(write_words):
+def test_missing_check_of_the_fit_is_reported_as_not_made(write_words):
     tree = fitted_class(ph.select(MEASURED, group="control"))
     tree["diagnosis"] = tree["diagnosis"].to_dataset().sel(check=["chains"])
     page = write_words({"Artery": tree})
@@ -32,7 +32,7 @@ def test_nothing_is_said_of_a_fit_that_was_not_compared_with_its_data(write_word
 @pytest.mark.parametrize(
     ("verdict", "level"), [("doubtful", "Caution."), ("not to be trusted", "Not to be trusted.")]
 )
-def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
+def test_bad_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
     tree, words = fitted_class(MEASURED), "chains are 9 nats apart"
     diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict=verdict, words=words)
     tree["diagnosis"] = diagnosis.assign(verdict=("check", [verdict, "good"]))
@@ -43,7 +43,7 @@ def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
         assert page.column("Evidence", "standard error") == [np.inf]
 
 
-def test_a_fit_that_is_doubtful_is_told_from_an_evidence_that_is(write_words):
+def test_warning_of_a_doubtful_fit_differs_from_a_doubtful_evidence(write_words):
     tree, words = fitted_class(MEASURED), "the best curve is far from the data"
     diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict="doubtful", words=words)
     tree["diagnosis"] = diagnosis.assign(verdict=("check", ["good", "doubtful"]))
@@ -61,7 +61,7 @@ def test_large_rhat_is_a_warning(write_words):
     assert "there is only one chain" in write_words(fitted_class(MEASURED, chains=1)).warnings
 
 
-def test_result_without_evidence(write_words):
+def test_result_without_evidence_is_reported_with_its_divergences(write_words):
     """Draws of another sampler have no verdict, which is said; transitions that diverge are."""
     tree = fitted_class(MEASURED).filter(
         lambda node: node.name in ("posterior", "observed_data", "constant_data")
@@ -75,7 +75,7 @@ def test_result_without_evidence(write_words):
     assert "sequential Monte Carlo" not in page.methods
 
 
-def test_decisions_that_were_made_with_other_classes_are_marked(write_words):
+def test_decisions_made_with_other_classes_are_marked(write_words):
     """As after a fit with other settings; of two laws both must be those of the decisions."""
     classes, refitted = fitted_classes(), fitted_classes(shift=1.0)
     other_law = fitted_classes(energy="NeoHookean")
@@ -91,7 +91,7 @@ def test_decisions_that_were_made_with_other_classes_are_marked(write_words):
         assert ("other classes" in page.text) == bool(marked)
 
 
-def test_each_doubt_about_a_decision_names_its_specimens(write_words):
+def test_each_warning_about_decisions_names_its_specimens(write_words):
     result = classified(
         list("ABCDE"),
         [[0.5, 0.5], [0.9, 0.1], [np.nan, np.nan], [0.6, 0.4], [0.8, 0.2]],
@@ -117,14 +117,14 @@ def test_each_doubt_about_a_decision_names_its_specimens(write_words):
     assert page.column("Decisions", "SE of class probability")[0] == np.inf
 
 
-def test_pooled_specimens_are_a_warning(write_words):
+def test_pooled_specimens_give_a_warning(write_words):
     assert "all specimens of a class share one set" in write_words(fitted_classes()).warnings
     warnings = write_words([fitted_class(ph.select(DATA, specimen="S1")), DATA]).warnings
     assert "all specimens of a class share one set" not in warnings
     assert warnings.count("these data are simulated, not measured") == 1
 
 
-def test_unknown_law_and_invalid_data_are_warnings(write_words):
+def test_unknown_law_and_invalid_data_give_warnings(write_words):
     tree = fitted_class(MEASURED)
     tree.attrs = {"strain_energy": "OfAnotherDay"}
     data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
@@ -133,7 +133,7 @@ def test_unknown_law_and_invalid_data_are_warnings(write_words):
     assert "pressure is nan kPa; expected a finite number" in page.warnings
 
 
-def test_missing_classes_and_doubts_of_specimens_reach_the_page(write_words):
+def test_missing_classes_and_doubtful_specimens_give_warnings(write_words):
     """Warnings that a result carries are warnings of its report."""
     tree = fitted_classes()
     tree.attrs["missing_classes"] = json.dumps({"C3": "the sampler was interrupted"})

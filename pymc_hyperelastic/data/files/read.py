@@ -59,7 +59,7 @@ def read_tests(
         files), ``units`` (of one column), ``constants`` (the same in all rows) and ``files`` (the
         same in all rows of one file, by its name).
     check : {"warn", "raise", "ignore"}
-        What to do about input that is possible, but probably not what was meant.
+        The reaction to input that is possible, but probably a mistake.
 
     Returns
     -------
@@ -76,12 +76,12 @@ def read_tests(
         If `files` are no paths, or `settings` neither a path nor a dict.
     ValueError
         If something cannot be understood, or is not sound; the message names files, lines, columns
-        and cells. What was understood until then is a note of the error (``__notes__``).
+        and cells. A note of the error (``__notes__``) lists the files and columns that were read.
 
     Warns
     -----
     UserWarning
-        Of what :func:`~pymc_hyperelastic.inflation_data` warns.
+        The warnings of :func:`~pymc_hyperelastic.inflation_data`.
 
     See Also
     --------

@@ -48,7 +48,7 @@ class ForwardModel:
     Parameters
     ----------
     wall : StrainEnergy or sequence of Layer
-        The material, or its layers with distributions for what is inferred of them.
+        The material, or its layers with distributions for inferred parameters.
     data : xarray.Dataset
         Inflation data.
     parameters, geometry : dict of str to TensorVariable
@@ -58,11 +58,11 @@ class ForwardModel:
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
-        Whether axial force is measured.
+        If True, axial force is measured.
     error_in : {"pressure", "radius"}
         The quantity that was measured with an error, whose misfit is computed.
     by_test : bool
-        Whether each test has parameters of its own, vectors of the length of the tests.
+        If True, each test has parameters of its own: vectors with one entry for each test.
     tolerance : float
         Largest error of curves, relative to the largest value of each. Chebyshev nodes and
         pointwise quadrature are chosen for smaller errors.

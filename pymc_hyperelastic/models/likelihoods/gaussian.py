@@ -38,7 +38,7 @@ class Gaussian(Likelihood):
         Standard deviation ``s_D`` of a measured outer diameter, or of twice a measured internal
         radius, mm, besides the error of the pressure. See the notes.
     observed : bool, default False
-        Whether a model declares observed variables, ``measured_pressure`` and
+        If True, a model declares observed variables, ``measured_pressure`` and
         ``measured_axial_force``, in place of the Potential ``likelihood``. PyMC can then draw
         predictions, and ArviZ can compute LOO.
 

@@ -62,8 +62,8 @@ def inflation_likelihood(
     TypeError
         If the parameters are not those of the strain energy, or no model is in context.
     ValueError
-        If the name is taken, the likelihood declares observed variables, the data lack what it
-        needs, or a material parameter has the name of a measure of the tube.
+        If the name is taken, the likelihood declares observed variables, the data lack a
+        quantity that it needs, or a material parameter has the name of a measure of the tube.
 
     See Also
     --------

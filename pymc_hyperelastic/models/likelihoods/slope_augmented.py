@@ -39,7 +39,7 @@ class SlopeAugmented(Likelihood):
     force_offset_sd : float or distribution, optional
         Standard deviation of the offset of the force transducer, mN, see :class:`Gaussian`.
     observed : bool, default False
-        Whether a model declares observed variables in place of the Potential ``likelihood``.
+        If True, a model declares observed variables in place of the Potential ``likelihood``.
         `slope_weight` must then be a number.
 
     Raises

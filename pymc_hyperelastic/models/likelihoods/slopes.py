@@ -127,8 +127,8 @@ def precision_root(data: xr.Dataset, slope_weight: float) -> tuple[np.ndarray, n
     size = data.sizes["obs"]
     link = np.zeros(size + 2)
     link[interior + 1] = slope_weight * difference**2
-    # Squared pivots of an elimination from the last point are `own + link`. Nothing is subtracted,
-    # so that they are exact also where two radii are close.
+    # Squared pivots of an elimination from the last point are `own + link`. Without a
+    # subtraction they are exact, also where two radii are close.
     own = np.ones(size + 2)
     for i in reversed(range(size)):
         own[i] += link[i + 2] * own[i + 2] / (own[i + 2] + link[i + 2])

@@ -1,4 +1,4 @@
-"""Errors of a diameter and of a force transducer, which measurements share."""
+"""Errors that several measurements share: a diameter error and an offset of the transducer."""
 
 import numpy as np
 import pymc as pm
@@ -76,7 +76,7 @@ def function_of(model, outputs=None, gradient=False):
         ("both", True, "outer_diameter", extended),
     ],
 )
-def test_log_likelihood_is_that_of_the_multivariate_normal(errors, observed, measured, data_of):
+def test_log_likelihood_equals_the_multivariate_normal(errors, observed, measured, data_of):
     """For errors of any size that are inferred; tests have from none to all of their forces."""
     data, noise = data_of(measured=measured), ERRORS[errors]
     model = model_of(data, observed=observed, **unknown(noise))
@@ -89,8 +89,8 @@ def test_log_likelihood_is_that_of_the_multivariate_normal(errors, observed, mea
 
 
 @pytest.mark.parametrize(("errors", "observed"), [("offset", True), ("both", False)])
-def test_offsets_have_the_conditional_normal_distribution(errors, observed):
-    """Without a measured force it is the prior."""
+def test_offset_mean_and_error_equal_the_conditional_normal(errors, observed):
+    """The offset of a test without a measured force has its prior."""
     data, noise = extended(), ERRORS[errors]
     model = model_of(data, observed=observed, **unknown(noise))
     assert model.named_vars_to_dims["force_offset_mean"] == ("test",)
@@ -102,11 +102,11 @@ def test_offsets_have_the_conditional_normal_distribution(errors, observed):
     assert (mean[1], sd[1]) == (0.0, noise["force_offset_sd"])
 
 
-def test_with_the_error_in_the_radius_pressures_are_exact():
+def test_radius_error_compares_radii_and_forces_at_the_measured_pressure():
     """Radii and forces are those of the tube at the measured pressure and stretch.
 
-    A warning says that nothing is known of the range of flat priors. The radius is found here by
-    bisection, and the offset follows by Bayes' rule for normals.
+    A warning says that flat priors cannot be drawn from. The radius is found here by bisection,
+    and the offset follows by Bayes' rule for normals.
     """
     data = extended()
     axial, measured = data["axial_stretch"].values, data["radius"].values
@@ -138,7 +138,7 @@ def test_with_the_error_in_the_radius_pressures_are_exact():
     assert found == pytest.approx(expected, rel=1e-7)
 
 
-def test_layers_of_unknown_geometry_share_errors_too():
+def test_likelihood_of_layers_of_unknown_geometry_has_shared_errors():
     data = dataset(measured="outer_diameter", outer_radius=None)
     media = ph.Layer(ph.NeoHookean(), 1.2, mu=pm.Flat.dist())
     adventitia = ph.Layer(OGDEN, pm.Flat.dist(), mu=4.0, alpha=5.0)
@@ -170,8 +170,8 @@ def test_each_signal_alone_has_its_marginal_density(errors):
         assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
 
-def test_gradient_agrees_with_differences_and_is_0_where_curves_overflow():
-    """By material and errors: variances depend on the material through its slopes."""
+def test_gradient_equals_differences_and_is_zero_where_curves_overflow():
+    """The gradient is taken by material and errors; variances depend on both."""
     model = model_of(extended("outer_diameter"), observed=True, **unknown(SDS))
     function, point = function_of(model, gradient=True), POINT | SDS
     _, *gradient = function(**point)
@@ -185,7 +185,7 @@ def test_gradient_agrees_with_differences_and_is_0_where_curves_overflow():
     assert value == -np.inf and not np.any(material)
 
 
-def test_draws_of_offsets_are_normal_with_the_stored_mean_and_error():
+def test_force_offsets_draws_normals_with_the_stored_mean_and_error():
     of_test, shape = ("chain", "draw", "test"), (1, 4000, 2)
     stored = {"force_offset_mean": [3.0, -8.0], "force_offset_error": [0.1, 2.0]}
     posterior = {name: (of_test, np.broadcast_to(v, shape)) for name, v in stored.items()}
@@ -203,8 +203,8 @@ def test_predictions_share_offsets_and_errors_of_diameters():
     assert_predicted(model, POINT, normal.mean, normal.covariance, 600, SEED)
 
 
-def test_extension_tests_have_no_slopes():
-    """They add the same to a likelihood with slopes as to one without."""
+def test_extension_tests_contribute_no_slopes_to_the_likelihood():
+    """Extension tests add the same term to a likelihood with and without slopes."""
     tests = {"both": [0, 1, 2, 3], "inflation": [1, 2], "extension": list(EXTENDED)}
     data = {name: ph.select(extended(), experiment=own) for name, own in tests.items()}
     weights = [ph.balanced_slope_weight(data[name]) for name in ("both", "inflation")]

@@ -45,21 +45,24 @@ TUBES = [
 
 
 @pytest.mark.parametrize(("energy", "radius", "arguments", "error", "message"), TUBES)
-def test_impossible_tube_is_refused(energy, radius, arguments, error, message):
+def test_impossible_tube_or_material_is_refused_with_the_expected_value(
+    energy, radius, arguments, error, message
+):
     for function in FUNCTIONS:
         with pytest.raises(error, match=message):
             function(energy, radius, **with_tube(arguments))
 
 
-def test_possible_extremes_are_accepted():
+def test_extreme_but_possible_tubes_are_accepted():
     """The checks refuse no thin wall, no negative opening angle and no symbolic radius."""
     radius = ph.inflation_pressure(OGDEN, 8.0, ph.Tube(**TUBE), **MATERIAL)
     for arguments in ({"outer_radius": 7.0 + 1e-9}, {"opening_angle": -6.28}):
         for function in FUNCTIONS:
-            function(OGDEN, radius, ph.Tube(**TUBE | arguments), **MATERIAL)
+            curve = function(OGDEN, radius, ph.Tube(**TUBE | arguments), **MATERIAL)
+            assert curve.ndim == 0
 
 
-def test_a_tube_is_required():
+def test_dict_in_place_of_a_tube_is_refused():
     for function in FUNCTIONS:
         with pytest.raises(TypeError, match=r"tube is \{'inner.*expected .* ph.Tube\(7.0, 9.0\)"):
             function(OGDEN, 8.0, TUBE, **MATERIAL)

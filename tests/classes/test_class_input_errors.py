@@ -1,4 +1,4 @@
-"""Bad input of fit_classes, classify and kl_divergence: one error, before sampling."""
+"""Wrong input of fit_classes, classify and kl_divergence raises one error before sampling."""
 
 import json
 from dataclasses import asdict
@@ -22,7 +22,7 @@ CUSTOM = pm.CustomDist.dist(
 
 
 def altered(key: str, value: Any, *names: str) -> xr.DataTree:
-    """Fitted classes of which some state other settings."""
+    """Return fitted classes; the named classes state another value of a setting."""
     classes = fitted().copy()
     for name in names:
         stored = json.loads(classes[name].attrs[SETTINGS])
@@ -99,12 +99,12 @@ BAD_INPUT = [
 
 @pytest.fixture(scope="module", autouse=True)
 def classes_to_begin_with():
-    """Fit them before a test forbids to sample."""
+    """Fit the classes before a test forbids sampling."""
     fitted()
 
 
 @pytest.mark.parametrize("row", BAD_INPUT, ids=lambda row: row[2])
-def test_bad_input(row):
-    """Each kind of bad input raises one error that names the place and the expected input."""
+def test_wrong_input_is_refused_before_sampling(row):
+    """Each kind of wrong input raises one error that names the place and the expected input."""
     call, error, *fragments = row
     assert_refused(call, error, fragments)

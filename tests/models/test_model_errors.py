@@ -1,4 +1,4 @@
-"""Impossible models: the error names the place and the value, and says how to correct it."""
+"""Wrong input of models: the error names the place and the value, and says how to correct it."""
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from bad_input import (
     fit,
     model,
     potential,
-    unknown_curves,
     with_nan,
 )
 
@@ -24,7 +23,7 @@ import pymc_hyperelastic as ph
 SERIES = ph.OgdenSeries(terms=2)
 NEO_HOOKEAN = ph.Layer(ph.NeoHookean(), 1.0)
 RADIUS, HALF = pm.Uniform.dist(6, 7), pm.HalfNormal.dist()
-TWICE, THICK = (RADIUS, HALF) * 2, unknown_curves(outer_radius=None)
+TWICE, THICK = (RADIUS, HALF) * 2, curves(outer_radius=None)
 SLOPED, PLAIN = ph.SlopeAugmented, ph.Gaussian
 EXTENDED = shared_errors.EXTENDED
 
@@ -39,7 +38,7 @@ def unknown(data=None, **priors):
 
 def layers(*walls, data=None, **settings):
     """A model of layers, by default of two that are neo-Hookean."""
-    data = unknown_curves(outer_radius=None) if data is None else data
+    data = curves(outer_radius=None) if data is None else data
     return model(data, energy=list(walls or (NEO_HOOKEAN, NEO_HOOKEAN)), **settings)
 
 
@@ -138,7 +137,7 @@ VALUE_ERRORS = [
     (lambda: potential(name="mu"), "mu|already"),
     (lambda: potential({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
-    (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|priors={{'inner_radius': ...}}"),
+    (lambda: model(curves(inner_radius=None)), f"{PLACE}|priors={{'inner_radius': ...}}"),
     (lambda: potential(VALUES | {"thickness": 2.0}), "holds 'thickness'|'outer_radius'"),
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
@@ -188,5 +187,5 @@ ROWS = [(TypeError, *row) for row in TYPE_ERRORS] + [(ValueError, *row) for row 
 
 
 @pytest.mark.parametrize(("error", "call", "fragments"), ROWS, ids=[row[2][:40] for row in ROWS])
-def test_bad_input_is_refused(error, call, fragments):
+def test_wrong_input_of_models_is_refused_with_place_and_remedy(error, call, fragments):
     assert_refused(call, error, fragments.split("|"))

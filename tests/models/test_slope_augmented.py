@@ -1,4 +1,4 @@
-"""The paper's likelihood: its value, normaliser, gradient, slopes and limits."""
+"""The likelihood of pressures and slopes (SlopeAugmented): value, normaliser, gradient, limits."""
 
 from itertools import product
 
@@ -60,7 +60,7 @@ MIXED = dataset(*FRAMES)
 
 
 def likelihood_of(energy, data=MIXED, gradient=False, **settings):
-    """The log-likelihood by the parameters and by the noise that has a range and not a number."""
+    """Compile the log likelihood as a function of the parameters and of the unknown noise."""
     errors = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
     errors |= {name: settings.pop(name) for name in errors if name in settings}
 
@@ -127,7 +127,7 @@ def test_normaliser_of_inferred_noise_is_exact():
 
 
 @pytest.mark.parametrize("mode", ["collocation", "quadrature"])
-def test_gradient_by_material_and_noise_is_that_of_the_exact_likelihood(mode):
+def test_gradient_equals_differences_of_the_exact_likelihood(mode):
     noise = {"sigma": (0.0, 100.0), "slope_weight": (0.0, 1e4)}
     function = likelihood_of(ph.Ogden(), gradient=True, mode=mode, **noise)
     for point in ([6.0, 8.0, SIGMA, SLOPE_WEIGHT], [30.0, -3.0, 1.0, 0.1]):
@@ -143,8 +143,8 @@ def test_gradient_by_material_and_noise_is_that_of_the_exact_likelihood(mode):
             assert found == pytest.approx(slope, rel=GRADIENT_TOLERANCE)
 
 
-def test_parameters_and_geometry_may_be_numbers():
-    """Numbers have double precision, and a measure of the tube replaces that of the data."""
+def test_likelihood_accepts_numbers_for_parameters_and_geometry():
+    """Numbers keep double precision, and a stated measure of the tube replaces the data's."""
     data, likelihood = dataset(FRAMES[0]), ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
     parameters = {"mu": 30, "alpha": 6.7, "inner_radius": pt.constant(7.1)}
     with pm.Model() as model:

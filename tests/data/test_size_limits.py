@@ -1,4 +1,4 @@
-"""Files without end, and values of any length, give a message of a few lines."""
+"""Files and values of any length are refused with a message of a few lines."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
-def test_long_values_of_settings_are_shortened(settings, written):
+def test_long_values_of_settings_are_shortened_in_messages(settings, written):
     message = message_of(written, f"{HEAD}\n{ROWS}", settings=settings)
     assert "yyy…'" in message and len(message) < LONGEST
 
@@ -36,7 +36,7 @@ TOML = {
 
 
 @pytest.mark.parametrize("toml", TOML.values(), ids=TOML)
-def test_settings_without_end_are_refused(toml, written):
+def test_settings_that_are_too_large_or_nested_are_refused_in_few_letters(toml, written):
     message = message_of(written, f"{HEAD}\n{ROWS}", toml=toml)
     assert message.startswith("study.toml is no") and len(message) < LONGEST
 
@@ -56,15 +56,15 @@ TABLES = {
 
 
 @pytest.mark.parametrize("table, expected", TABLES.values(), ids=TABLES)
-def test_long_cells_names_and_lists_of_lines_are_shortened(table, expected, written):
+def test_long_cells_names_and_line_numbers_are_shortened_in_messages(table, expected, written):
     with pytest.raises(ValueError, match=expected) as error:
         written(table)
-    # What was understood is a note, and lists up to 100 columns that are not used.
+    # The note of the error describes the columns, of which it lists at most 100 unused ones.
     for text in (str(error.value), *getattr(error.value, "__notes__", ())):
         assert len(text) < LONGEST
 
 
-def test_a_file_of_one_line_is_refused_before_it_is_read_to_its_end(tmp_path):
+def test_file_with_an_endless_line_is_refused_without_reading_it_all(tmp_path):
     path = tmp_path / "a.csv"
     with path.open("wb") as file:
         file.truncate(10**12)  # takes no space on the disk
@@ -72,7 +72,7 @@ def test_a_file_of_one_line_is_refused_before_it_is_read_to_its_end(tmp_path):
     assert message.startswith("a.csv has a line of more than 1 million bytes")
 
 
-def test_many_specimens_without_points_are_counted(written):
+def test_message_counts_specimens_without_points_beyond_thirty(written):
     points = f"{HEAD}\n" + "".join(f"S{i},1,7.2,1\nS{i},1,8.4,{6 + i / 9}\n" for i in range(3))
     tubes = "specimen,inner_radius_mm\n" + "".join(f"T{i},7\n" for i in range(50))
     message = message_of(written, points, tubes)
@@ -81,7 +81,7 @@ def test_many_specimens_without_points_are_counted(written):
     assert "specimen 'T29' and 20 others" in data.attrs["understood"]
 
 
-def test_numbers_of_tables_that_disagree_are_shown_as_they_are(written):
+def test_contradictory_numbers_of_two_tables_are_shown_in_the_message(written):
     tubes = "specimen,experiment,inner_radius_mm\nS1,1,7.5\n"
     head = f"{HEAD},inner_radius_mm\n"
     message = message_of(written, head + "S1,1,7.2,1,7\nS1,1,8.4,6,7\n", tubes)

@@ -1,6 +1,6 @@
-"""A table or Dataset that is no inflation data is refused with one error that says where and why.
+"""Invalid tables and Datasets are refused with one error that says where and why.
 
-See also ``test_geometry.py``, ``test_order.py`` and ``test_plausible.py``.
+See also ``test_tube_statements.py``, ``test_row_order.py`` and ``test_plausible_ranges.py``.
 """
 
 import numpy as np
@@ -32,39 +32,53 @@ def cell(column: str, row: int, value: object, **arguments):
 BAD_TABLE = {
     # Columns.
     "no radius column": (lambda: renamed(radius="r"), "no column 'radius'; it has .*'r', 'pres"),
-    "two missing": (lambda: renamed(experiment="x", pressure="y"), "'experiment' and no column"),
-    "diameter for radius": (lambda: build(with_diameters()), "'radius'.*measured='outer_diameter'"),
+    "two columns missing": (
+        lambda: renamed(experiment="x", pressure="y"), "'experiment' and no column",
+    ),
+    "diameter column without measured=": (
+        lambda: build(with_diameters()), "'radius'.*measured='outer_diameter'",
+    ),
     "column twice": (lambda: renamed(A="pressure"), "more than one column 'pressure'"),
     "no rows": (lambda: build(good_frame().iloc[:0]), "no rows"),
-    "measured": (lambda: build(measured="diameter"), "'diameter'.*'radius', 'outer_diameter'"),
+    "unknown measured quantity": (
+        lambda: build(measured="diameter"), "'diameter'.*'radius', 'outer_diameter'",
+    ),
     # Labels.
     "no specimen": (lambda: cell("specimen", 12, pd.NA), "row 12: specimen is missing"),
     "form feed": (lambda: cell("specimen", 12, "S\x0c1"), r"12: .*the label 'S\\x0c1' has the cha"),
-    "group changes": (lambda: cell("group", 13, "C2"), f"{S1E2}.* 13: group is 'C2', but 'C1'"),
+    "group changes within a test": (
+        lambda: cell("group", 13, "C2"), f"{S1E2}.* 13: group is 'C2', but 'C1'",
+    ),
     # Numbers.
-    "gap": (lambda: cell("radius", 13, pd.NA), f"{S1E2}.*, row 13: radius is missing"),
+    "missing radius": (lambda: cell("radius", 13, pd.NA), f"{S1E2}.*, row 13: radius is missing"),
     "minus infinity": (lambda: cell("pressure", 12, -np.inf), "row 12: pressure is -inf"),
     "decimal comma": (lambda: cell("pressure", 12, "12,5"), "'12,5', not a number.*decimal points"),
     "truth value": (lambda: cell("radius", 10, True), "row 10: radius is True, not a number"),
     "date": (lambda: cell("pressure", 10, pd.Timestamp(0)), "row 10: pressure is Timestamp.*not a"),
-    "beyond floats": (lambda: cell("pressure", 12, 10**400), "row 12: pressure is 1000*…, not a"),
+    "too large for a float": (
+        lambda: cell("pressure", 12, 10**400), "row 12: pressure is 1000*…, not a",
+    ),
     "zero radius": (lambda: cell("radius", 13, 0.0), f"{S1E2}.*, row 13: radius is 0 mm.*positive"),
     "infinite force": (lambda: cell("axial_force", 12, np.inf), "axial_force is inf.*finite"),
     "negative diameter": (lambda: diameters(2, -20.4), f"{S1E2}, row 12: .*-20.4 mm.*positive"),
-    # The wall alone fills a diameter of 2 (9² − 7²)^½ = 11.314 mm.
+    # The wall without a lumen has a diameter of 2 (9² − 7²)^½ = 11.314 mm.
     "no room for the wall": (lambda: diameters(3, 11.31), f"{S1E2}, row 13: .*the wall has room"),
     # The tube.
     "no inner radius": (lambda: build(inner_radius=0), f"{S1E1}: inner_radius is 0 mm.*positive"),
-    "inside out in one test": (
+    "radii exchanged in one test": (
         lambda: build(good_frame().assign(B=[9.0, 9.0, 6.0, 6.0, 9.0, 9.0]), outer_radius="B"),
         f"{S1E2}: outer_radius is 6 mm.*more than inner_radius.*exchanged",
     ),
     "no stretch": (lambda: build(axial_stretch=0.0), "axial_stretch is 0;.*positive"),
-    "degrees": (lambda: build(opening_angle="angle", **SECTOR), '60 rad.*angle_unit="deg"'),
+    "angle in degrees": (
+        lambda: build(opening_angle="angle", **SECTOR), '60 rad.*angle_unit="deg"',
+    ),
     "no such column": (lambda: build(inner_radius="a0"), "='a0'.*no such column.*'A', 'B'"),
     "gap in a column": (lambda: cell("A", 13, None, inner_radius="A"), "row 13: A is missing"),
-    "radius changes": (lambda: cell("A", 13, 7.5, inner_radius="A"), "row 13: .* 7.5, but 7.0"),
-    "no such error": (lambda: build(sd={"weight": 1.0}), "'weight'; expected some of"),
+    "inner radius changes within a test": (
+        lambda: cell("A", 13, 7.5, inner_radius="A"), "row 13: .* 7.5, but 7.0",
+    ),
+    "unknown measure in sd": (lambda: build(sd={"weight": 1.0}), "'weight'; expected some of"),
     "negative error": (lambda: build(sd={"thickness": -1.0}), f"{S1E1}: .*is -1; exp"),
     # Units.
     "radius in kPa": (lambda: build(radius_unit="kPa"), "radius_unit='kPa' does not measure le"),
@@ -89,7 +103,7 @@ def test_all_wrong_cells_of_a_table_are_reported_at_once():
     ]
 
 
-def test_other_types_are_refused():
+def test_arguments_of_a_wrong_type_are_refused():
     for call, message in (
         (lambda: build([1, 2]), "pandas DataFrame, not list"),
         (lambda: build(axial_stretch=True), "axial_stretch is True.*a number"),
@@ -106,7 +120,7 @@ IN_MMHG = build()["pressure"].assign_attrs(units="mmHg")
 BAD_DATASET = {
     "variable dropped": (build().drop_vars("opening_angle"), "lack 'opening_angle'.*'test'"),
     "dimension": (build().assign(inner_radius=("obs", [7.0] * 6)), "'inner_radius' has dimensions"),
-    "where": (
+    "where() on all variables": (
         build().where(build()["pressure"] > 0, drop=True),
         r"has dimensions.*select them by data\.isel\(obs=condition\)",
     ),
@@ -114,7 +128,9 @@ BAD_DATASET = {
     "text": (with_values("radius", ["7"] * 6), "'radius' must hold numbers, not <U"),
     "nan": (with_values("pressure", [1, 2, 3, NAN, 5, 6]), f"{S1E2}, row 13: pressure is nan kPa"),
     "radius unknown": (with_values("radius", [7, 8, NAN, 8, 7, 8]), "row 12: radius is nan mm"),
-    "scattered": (with_values("test", [0, 0, 1, 2, 1, 2]), f"{S1E2}, row 14: .*stand together"),
+    "points of a test apart": (
+        with_values("test", [0, 0, 1, 2, 1, 2]), f"{S1E2}, row 14: .*stand together",
+    ),
     "empty test": (with_values("test", [0, 0, 0, 0, 2, 2]), rf"{S1E2} has no points.*select\(\)"),
     "test -1": (with_values("test", [-1, 0, 1, 1, 2, 2]), "from -1 to 2"),
     "test twice": (

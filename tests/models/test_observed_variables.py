@@ -15,7 +15,7 @@ from pytensor.graph.replace import clone_replace
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 from shared_errors import assert_predicted
-from test_paper_likelihood import FRAMES, dataset
+from test_slope_augmented import FRAMES, dataset
 
 import pymc_hyperelastic as ph
 
@@ -82,7 +82,7 @@ def exact_log_densities(*arguments, **settings):
         (3, "quadrature", "outer_diameter"),
     ],
 )
-def test_density_is_that_of_the_multivariate_normal(slope_weight, mode, measured):
+def test_density_of_observed_pressures_equals_the_multivariate_normal(slope_weight, mode, measured):
     """For tests of different tubes with 6 to 12 points, and inferred noise of any size."""
     data = dataset(*FRAMES, measured=measured)
     noise = {"sigma": pm.HalfNormal.dist(2), "slope_weight": slope_weight}
@@ -90,12 +90,12 @@ def test_density_is_that_of_the_multivariate_normal(slope_weight, mode, measured
     for mu, alpha, sigma in ((30.0, 7.0, SIGMA), (6.0, -8.0, 20.0), (80.0, 0.0, SIGMA)):
         expected = exact_log_densities(data, mu, alpha, slope_weight, sigma=sigma)
         found = function(mu, alpha, sigma)
-        # Differences of sums: relative to the largest of these.
+        # The densities are differences of cumulative sums: rounding is relative to the largest sum.
         atol = DENSITY_TOLERANCE * np.abs(np.cumsum(expected)).max()
         np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
 
-def test_gradient_agrees_with_differences_and_is_0_where_pressures_overflow():
+def test_gradient_equals_differences_and_is_zero_where_pressures_overflow():
     priors = {"mu": pm.Uniform.dist(0, 100), "alpha": pm.Uniform.dist(0, 5000)}
     settings = {"sigma": pm.HalfNormal.dist(2), "mode": "quadrature"}
     model = generative(dataset(*FRAMES), priors=priors, **settings)
@@ -113,15 +113,15 @@ def test_gradient_agrees_with_differences_and_is_0_where_pressures_overflow():
     np.testing.assert_array_equal(gradient, 0.0)
 
 
-def test_predictions_have_the_mean_and_the_covariance():
+def test_posterior_predictions_have_the_exact_mean_and_covariance():
     data = dataset(*FRAMES)
     means, covariances, _ = zip(*exact_normals(data, *POINT.values(), 3), strict=True)
     normal = np.concatenate(means), block_diag(*covariances)
     assert_predicted(generative(data), POINT, *normal, 1000, SEED)
 
 
-def test_arviz_takes_a_result():
-    """Points are left out one by one, and predictions are drawn."""
+def test_arviz_computes_loo_and_predictive_checks_of_a_result():
+    """`az.loo` leaves out single points, and `az.plot_ppc_dist` shows drawn predictions."""
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
     model = generative(data, sigma=15 * ph.mmHg)
     rng = np.random.default_rng(SEED)
@@ -138,7 +138,7 @@ def test_arviz_takes_a_result():
     assert "measured_pressure" in plot.viz["observed_dist"].data_vars
 
 
-def test_measured_values_can_be_replaced():
+def test_set_data_replaces_measured_values_in_density_and_results():
     """A compiled model follows its `pm.Data`, and results hold the values that were used."""
     data = dataset(*FRAMES)
     model = generative(data, force_sigma=20.0)

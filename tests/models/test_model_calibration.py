@@ -20,7 +20,7 @@ def one_curve_with_slopes():
 
 
 def population():
-    """Three specimens with priors of a known tissue: default ones allow tubes of any stiffness."""
+    """Three specimens with priors of a known tissue: default priors allow any stiffness."""
     radius = np.linspace(7.2, 8.8, 8)
     frame = pd.concat(
         pd.DataFrame({"specimen": f"S{i}", "experiment": 1, "radius": radius, "pressure": 1.0})
@@ -59,7 +59,7 @@ def every_signal():
     )
 
 
-# Models, with fewer simulations where each takes many seconds.
+# Models and numbers of simulations, which are smaller if one simulation takes many seconds.
 MODELS = {
     "one curve with slopes": (one_curve_with_slopes, 150),
     "population": (population, 25),
@@ -70,7 +70,7 @@ MODELS = {
 @pytest.mark.long
 @pytest.mark.deep
 @pytest.mark.parametrize("name", MODELS)
-def test_models_are_calibrated(name):
+def test_ranks_of_simulation_based_calibration_are_uniform(name):
     make, simulations = MODELS[name]
     result = ph.simulation_based_calibration(make(), simulations=simulations, **SETTINGS)
     p_values = result["p_value"].to_series()

@@ -41,7 +41,7 @@ def tubes(specimens, seed):
     return ph.inflation_data(pd.concat(tables, ignore_index=True), ph.Tube(**TUBE), check="ignore")
 
 
-# The class with one specimen is known least.
+# The class with one specimen has the widest posterior.
 TRAINING = {
     "soft": tubes({"A1": (38.0, 0.0, 40.0), "A2": (42.0, 0.0, 40.0)}, 1),
     "stiff": tubes({"B1": (62.0, 0.0, 66.0), "B2": (66.0, 0.0, 66.0)}, 2),
@@ -86,7 +86,7 @@ def evidence(name, test, signals):
 
 
 def expected_parts(own, rival, test):
-    """Shapley values, which test_parts compares with means over all orders of the signals."""
+    """Return Shapley values; test_explain compares them with means over all orders."""
     used = [list(itertools.compress(SIGNALS, on)) for on in itertools.product((1, 0), repeat=3)]
     ratios = [evidence(own, test, some) - evidence(rival, test, some) for some in used]
     return shapley(np.reshape(ratios, (2, 2, 2)))
@@ -102,7 +102,7 @@ def result(classes):
     return explain(NEW, classes)
 
 
-def test_signals_have_the_parts_of_closed_forms(result):
+def test_parts_of_signals_equal_closed_forms(result):
     """Each of three classes against its most probable rival; missing forces have no part."""
     assert result["part"].values.tolist() == [*SIGNALS]
     names, rivals = result["class_label"].values, result["rival"].values
@@ -115,7 +115,7 @@ def test_signals_have_the_parts_of_closed_forms(result):
     np.testing.assert_array_equal(found.sel(part="force")[2], 0)
 
 
-def test_the_part_of_a_single_signal_is_the_log_ratio():
+def test_part_of_the_only_signal_equals_the_log_ratio():
     classes = fit(likelihood=SIGMA / np.sqrt(2))
     new = ph.select(NEW, specimen="N3")
     found = explain(new, classes)
@@ -124,7 +124,7 @@ def test_the_part_of_a_single_signal_is_the_log_ratio():
     np.testing.assert_allclose(found["log_ratio_part"][0, :, 0], [log_ratio, -log_ratio])
 
 
-def test_a_class_alone_has_nothing_to_be_told_from(classes):
+def test_explain_refuses_a_single_class(classes):
     alone = classes.copy()
     del alone["stiff"], alone["middle"]
     with pytest.raises(ValueError, match="classes holds only 'soft'"):

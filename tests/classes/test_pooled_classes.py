@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes.kinds import kind_of_classes
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_evidence_and_posterior_are_those_of_quadrature(name):
+def test_evidence_and_posterior_of_a_pooled_class_equal_quadrature(name):
     fitted, truth = fits.fit("pooled")[name], exact_posterior(name)
     value, error = ph.log_evidence(fitted)
     assert abs(value - truth.log_evidence) < min(STANDARD_ERRORS * error, 2 * EVIDENCE_TOLERANCE)
@@ -29,7 +29,7 @@ def test_evidence_and_posterior_are_those_of_quadrature(name):
         np.testing.assert_allclose(draws.std(), truth.sd(nodes), rtol=0.15)
 
 
-def test_a_class_keeps_its_data_and_a_seed_of_its_own():
+def test_fitted_class_stores_its_data_and_its_own_random_seed():
     """New specimens of a class have the parameters of its posterior."""
     classes = fits.fit("pooled")
     for name, data in fits.training().items():
@@ -42,7 +42,7 @@ def test_a_class_keeps_its_data_and_a_seed_of_its_own():
 
 
 @pytest.mark.filterwarnings("ignore:class 'C1'. the fit is doubtful")  # specimens differ
-def test_an_interrupt_keeps_the_classes_that_are_fitted(monkeypatch):
+def test_interrupt_keeps_fitted_classes_and_names_the_missing_one(monkeypatch):
     settings = {"draws": 100, "chains": 1, "progressbar": False}
     interrupt(monkeypatch, pooled, "run_smc", 2)
     with pytest.warns(UserWarning, match="class 'C2' is not fitted: interrupted"):
@@ -53,8 +53,8 @@ def test_an_interrupt_keeps_the_classes_that_are_fitted(monkeypatch):
         ph.fit_classes(ph.Ogden(), fits.training(), fits.SLOPE_AUGMENTED, **settings)
 
 
-def test_new_data_are_predicted_with_the_inferred_noise_of_each_class():
-    """By the mean likelihood of the stored draws; the model of the context does not change."""
+def test_evidence_of_new_data_averages_the_likelihood_over_modulus_and_noise():
+    """The PyMC model in whose context the classes are fitted does not change."""
     with pm.Model() as own:
         pm.Normal("mu")
         # Few draws of a class are near the new data: their mean needs many.

@@ -27,24 +27,24 @@ def model_of(kind: str) -> pm.Model:
             pm.Normal("x")
         elif kind == "nothing free":
             pm.Normal("y", observed=1.0)
-        elif kind == "impossible":
+        elif kind == "zero likelihood":
             x = pm.Uniform("x", 0, 1)
             pm.Potential("likelihood", pm.math.log(-x))
-        elif kind == "flat":
+        elif kind == "improper prior":
             x = pm.Flat("x")
             pm.Potential("likelihood", -(x**2))
-        elif kind == "costly":
+        elif kind == "slow density":
             slopes = pm.Normal("slopes", size=60)
             mean = pt.dot(np.linspace(0, 1, 60 * 20_000).reshape(20_000, 60), slopes)
             pm.Normal("y", mean, 0.1, observed=np.zeros(20_000))
         elif kind == "minibatch":
             data = pm.Minibatch(np.zeros(20), batch_size=5)
             pm.Normal("y", pm.Normal("x"), observed=data, total_size=20)
-        elif kind == "random":
+        elif kind == "random density":
             draw = np.random.default_rng().normal
             noisy = pytensor.wrap_py([pt.dscalar], [pt.dscalar])(lambda x: np.asarray(draw(x)))
             pm.Potential("likelihood", noisy(pm.Normal("x")))
-        elif kind == "large":
+        elif kind == "too many unknowns":
             pm.Normal("y", pm.Normal("means", size=301), 0.1, observed=np.zeros(301))
     return other
 
@@ -69,14 +69,19 @@ BAD_INPUT = [
     unsampled("nothing free", "free variables", "none"),
     unsampled("no likelihood", "nothing to temper", "[]"),
     unsampled(
-        "impossible", "none of 50000 draws", "50000 are NaN", "unit", "pm.Truncated", "bridge_s"
+        "zero likelihood",
+        "none of 50000 draws",
+        "50000 are NaN",
+        "unit",
+        "pm.Truncated",
+        "bridge_s",
     ),
-    unsampled("costly", "60 unknowns", "takes so long", "NUTS", "ph.bridge_sampling"),
-    unsampled("large", "301 unknowns, more than the 300"),
+    unsampled("slow density", "60 unknowns", "takes so long", "NUTS", "ph.bridge_sampling"),
+    unsampled("too many unknowns", "301 unknowns, more than the 300"),
     unsampled("minibatch", "density of the model is random", "all of its data"),
-    unsampled("random", "density of the model is random", "had another one"),
-    ("cores", lambda: smc(cores=2), TypeError, ["'cores' is no setting", "'threshold'"]),
-    unsampled("flat", "drawn from the prior", "proper"),
+    unsampled("random density", "density of the model is random", "had another one"),
+    ("unknown setting", lambda: smc(cores=2), TypeError, ["'cores' is no setting", "'threshold'"]),
+    unsampled("improper prior", "drawn from the prior", "proper"),
     ("data for a model", lambda: smc(xr.Dataset()), TypeError, ["pm.Model", "Dataset"]),
     ("two draws", lambda: smc(draws=2), ValueError, ["draws is 2", "at least 3"]),
     ("half a draw", lambda: smc(draws=99.5), TypeError, ["draws is 99.5", "whole number"]),
@@ -88,9 +93,24 @@ BAD_INPUT = [
     ("no moves", lambda: smc(max_moves=0), ValueError, ["max_moves", "0"]),
     ("forgets nothing", lambda: smc(forget=0.0), ValueError, ["forget", "0.0"]),
     ("text for a seed", lambda: smc(random_seed="lucky"), TypeError, ["random_seed", "'lucky'"]),
-    ("few starts", lambda: smc(chains=2, start=[ZEROS]), ValueError, ["start", "1", "2 chains"]),
-    ("other start", lambda: smc(start=[{"y": 0}]), ValueError, ["start", "['x']", "['y']"]),
-    ("modes", lambda: smc(tempered=[TERM], from_modes=True), ValueError, ["start from the prior"]),
+    (
+        "fewer starts than chains",
+        lambda: smc(chains=2, start=[ZEROS]),
+        ValueError,
+        ["start", "1", "2 chains"],
+    ),
+    (
+        "start without a variable",
+        lambda: smc(start=[{"y": 0}]),
+        ValueError,
+        ["start", "['x']", "['y']"],
+    ),
+    (
+        "modes and tempered terms",
+        lambda: smc(tempered=[TERM], from_modes=True),
+        ValueError,
+        ["start from the prior"],
+    ),
     ("part of a model", lambda: smc(part_of_a_model()), ValueError, ["'part'", "`model.root`"]),
     ("no model", lambda: ph.sample_smc(progressbar=False), TypeError, ["no model is given"]),
 ]
@@ -104,5 +124,5 @@ def test_single_precision_is_refused(monkeypatch):
 
 
 @pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))
-def test_bad_model_or_setting_is_refused(call, error, fragments):
+def test_unsuitable_model_or_setting_is_refused_before_sampling(call, error, fragments):
     assert_refused(call, error, fragments)

@@ -44,8 +44,8 @@ def pressure_at(radius):
     return ph.inflation_pressure(layers, radius, tube).eval(mode=AS_WRITTEN)
 
 
-def test_radius_and_gradient_are_those_of_the_inverse_of_the_pressure():
-    """The start matters to neither, although four full steps lead from the first start."""
+def test_radius_at_pressure_and_its_gradient_invert_the_pressure():
+    """The results do not depend on the start, even one from which Newton needs four full steps."""
     op = RadiusAtPressure(strain_energies=tuple(energy for energy, *_ in LAYERS), order=32)
     symbols = pt.dvectors(2 + len(WALL))
     radius, last_step = op(*symbols)
@@ -63,8 +63,8 @@ def test_radius_and_gradient_are_those_of_the_inverse_of_the_pressure():
     assert (np.abs(gradient - expected) <= DIFFERENCE_TOLERANCE * scale).all()
 
 
-def test_pressure_that_is_never_reached_has_a_large_last_step():
-    """A batch of moduli is a batch of tubes, without a loop; softer tubes burst."""
+def test_unreachable_pressure_ends_with_a_large_last_step():
+    """The softer of two tubes bursts; a batch of moduli is evaluated without a loop."""
     mu = pt.dscalar()
     op = RadiusAtPressure(strain_energies=(ph.NeoHookean(),), order=32)
     outputs = list(op(np.array([1.0, 100.0]), 1.2, INNER, 1.0, 0.0, INNER + 0.4, mu))
@@ -123,7 +123,7 @@ def exact_likelihood(inner, thickness):
     return -len(error) / 2 * np.log(np.pi * SIGMA**2) - np.sum(error**2) / SIGMA**2
 
 
-def test_likelihood_of_the_radius_is_that_of_bisection():
+def test_likelihood_of_a_radius_error_equals_bisection():
     """The error is that of the radius that was measured; impossible tubes have likelihood zero."""
     function = function_of(model_of(ph.Ogden()))
     point = np.array([*OGDEN.values(), 0.97, 0.43])

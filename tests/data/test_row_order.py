@@ -1,4 +1,4 @@
-"""Rows of a test stand in the order of its curve, are sorted, or are refused."""
+"""Rows of a test keep the order of its curve, are sorted, or are refused."""
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ def cycle(hysteresis=1.0) -> pd.DataFrame:
     return pd.concat([loading(phase="loading"), back.assign(phase="unloading")], ignore_index=True)
 
 
-def test_shuffled_rows_are_sorted_with_a_warning_that_names_where_the_curve_turns_first():
+def test_shuffled_rows_are_sorted_with_a_warning_that_names_the_first_turn():
     frame = loading(RADIUS[:6], PRESSURE[:6])
     with pytest.warns(UserWarning, match=rf"{S1E1}, row 0: radius turns.*sorted"):
         data = build(frame.loc[[1, 2, 4, 0, 5, 3]])
@@ -61,7 +61,7 @@ IN_ORDER = {
 
 
 @pytest.mark.parametrize("frame", IN_ORDER.values(), ids=IN_ORDER)
-def test_rows_in_order_stay_as_they_were_measured(frame):
+def test_rows_of_a_rising_or_falling_curve_keep_their_order(frame):
     data = build(frame)
     assert data["row"].values.tolist() == frame.index.tolist()
     np.testing.assert_array_equal(data["radius"], frame["radius"])
@@ -82,7 +82,7 @@ def test_loading_and_unloading_in_one_test_are_refused(frame):
         build(frame)
 
 
-def test_phases_are_tests_of_their_own():
+def test_each_phase_of_an_experiment_is_a_test():
     data = build(cycle())
     check_inflation_data(data)
     assert data["phase"].values.tolist() == ["loading", "unloading"]
@@ -92,7 +92,7 @@ def test_phases_are_tests_of_their_own():
     assert ph.select(data, phase="unloading")["row"].values.tolist() == list(range(12, 23))
 
 
-def test_last_cycle_of_each_experiment_is_taken():
+def test_only_the_last_cycle_of_each_experiment_is_kept_by_default():
     cycles = [cycle().assign(cycle=i) for i in (1, 2, 10)]
     cycles[0].loc[3, "pressure"] = np.nan
     other = cycle().assign(cycle=1, experiment=2)
@@ -107,7 +107,11 @@ def test_last_cycle_of_each_experiment_is_taken():
     assert set(build(named)["cycle"].values) == {"last", "pre"}
 
 
-@pytest.mark.parametrize("force", [{}, {"axial_force": np.nan}, {"axial_force": 1.0}])
+@pytest.mark.parametrize(
+    "force",
+    [{}, {"axial_force": np.nan}, {"axial_force": 1.0}],
+    ids=["no force column", "force missing", "force"],
+)
 def test_repeated_rows_are_refused(force):
     frame = pd.concat([loading(**force), loading(**force).iloc[[4]]], ignore_index=True)
     with pytest.raises(ValueError, match=rf"{S1E1}, row 12: repeats row 4 \(radius 8, pressure"):

@@ -10,7 +10,7 @@ import pymc_hyperelastic as ph
 SEED = 20250
 # Largest error of the mean of four chains, in nats, up to thirty unknowns and for more.
 TOLERANCE, TOLERANCE_OF_MANY = 0.1, 0.3
-# An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
+# A correct standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
 STANDARD_ERRORS = 4
 # Models of different kinds for which tempering from the prior alone fails: a sudden transition, an
 # unbounded density, a prior that is mostly impossible.
@@ -25,7 +25,7 @@ CUT = ["stiff_ring_of_angles"]
 SLOW = ["groups_100", "random_walk", "regression_50", "correlated_normal_50"]
 # Difficult models that take minutes.
 SLOW_DIFFICULT = ["change_points_3", "modes_256", "many_rates"]
-OF_EFFORT = DIFFICULT["great effort"]
+GREAT_EFFORT = DIFFICULT["great effort"]
 FAST_DIFFICULT = [
     p for problems in DIFFICULT.values() for p in problems.values() if p.name not in SLOW_DIFFICULT
 ]
@@ -45,7 +45,7 @@ def assert_right(name, **settings):
 
 
 @pytest.mark.parametrize("name", FAST)
-def test_evidence_equals_the_known_one(name):
+def test_evidence_equals_the_exact_value_for_fast_models(name):
     tree = assert_right(name, draws=1000, chains=2)
     assert tree["sample_stats"].attrs["from_modes"] == 1
 
@@ -53,11 +53,11 @@ def test_evidence_equals_the_known_one(name):
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:the evidence is doubtful")
 @pytest.mark.parametrize("name", [*DEEP, *long(SLOW)])
-def test_evidence_of_every_other_model_equals_the_known_one(name):
+def test_evidence_equals_the_exact_value_for_all_other_models(name):
     assert_right(name)
 
 
-def assert_right_or_doubted(problem):
+def assert_exact_or_not_good(problem):
     """Check that a wrong evidence is not called good, and that its error is known."""
     tree = ph.sample_smc(problem.model(), random_seed=SEED, progressbar=False)
     value, error = ph.log_evidence(tree)
@@ -71,12 +71,12 @@ def assert_right_or_doubted(problem):
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:the evidence is")
 @pytest.mark.parametrize("problem", FAST_DIFFICULT, ids=lambda problem: problem.name)
-def test_evidence_of_a_difficult_model_is_right_or_doubted(problem):
-    assert_right_or_doubted(problem)
+def test_evidence_of_a_difficult_model_is_exact_or_not_called_good(problem):
+    assert_exact_or_not_good(problem)
 
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:the evidence is")
 @pytest.mark.parametrize("name", long(SLOW_DIFFICULT))
-def test_evidence_of_a_model_of_great_effort_is_not_called_good(name):
-    assert assert_right_or_doubted(OF_EFFORT[name]) != "good"
+def test_evidence_of_a_model_that_needs_great_effort_is_not_called_good(name):
+    assert assert_exact_or_not_good(GREAT_EFFORT[name]) != "good"

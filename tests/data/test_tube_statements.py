@@ -1,4 +1,4 @@
-"""A reference tube may be stated in many ways, all of which give the opened sector."""
+"""A reference tube can be stated in several ways, which all give the opened sector."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pymc_hyperelastic import Tube, inflation_data
 
 ROUNDING = 1e-12
 
-# One tube: a ring of radii 7 and 9 mm that opens by 60 degrees in all, 30 by Fung.
+# One tube: a ring of radii 7 and 9 mm with an opening angle of 60 degrees, 30 by Fung's convention.
 RING = {"inner_radius": 7.0, "outer_radius": 9.0, "radii_of": "ring"}
 OPENED = {"inner_radius": 8.6, "outer_radius": 10.6, "radii_of": "sector"}
 WHOLE = {"opening_angle": 60.0, "convention": "whole", "angle_unit": "deg"}
@@ -29,7 +29,7 @@ STATED = {
 
 
 @pytest.mark.parametrize("stated", STATED.values(), ids=STATED)
-def test_every_way_to_state_a_tube_gives_its_opened_sector(stated):
+def test_equivalent_statements_of_a_tube_give_the_same_opened_sector(stated):
     frame = good_frame()
     if "radius_unit" in stated:
         frame["radius"] *= 1000
@@ -39,7 +39,7 @@ def test_every_way_to_state_a_tube_gives_its_opened_sector(stated):
             np.testing.assert_allclose(data[name], expected, rtol=ROUNDING)
 
 
-def test_columns_may_state_a_ring_of_each_test():
+def test_columns_state_the_ring_of_each_test():
     frame = good_frame().assign(angle=[30.0, 30.0, 0.0, 0.0, -15.0, -15.0], h=2.0)
     stated = {"opening_angle": "angle", "convention": "fung", "angle_unit": "deg"}
     data = build(
@@ -52,8 +52,8 @@ def test_columns_may_state_a_ring_of_each_test():
     assert data["inner_radius"].values[1] == 7.0 and data["outer_radius"].values[1] == 9.0
 
 
-def test_what_is_not_stated_has_a_default_and_nan_is_not_known():
-    """Radii are not known, the axial stretch is 1 and the opening angle 0."""
+def test_measures_not_stated_have_defaults_and_nan_stays_unknown():
+    """Default radii are unknown, the default stretch is 1 and the default opening angle 0."""
     frame = good_frame()
     data = inflation_data(frame, Tube())
     assert np.isnan(data["inner_radius"]).all() and np.isnan(data["outer_radius"]).all()
@@ -66,12 +66,12 @@ def test_what_is_not_stated_has_a_default_and_nan_is_not_known():
     assert (half["inner_radius"] == 7).all() and np.isnan(half["outer_radius"]).all()
 
 
-def test_a_ring_that_stays_closed_may_have_one_known_radius():
+def test_closed_ring_can_have_one_known_radius():
     data = inflation_data(good_frame(), Tube(inner_radius=7.0, radii_of="ring"))
     assert (data["inner_radius"] == 7).all() and np.isnan(data["outer_radius"]).all()
 
 
-def test_the_tube_is_a_tube():
+def test_tube_argument_that_is_no_tube_is_refused():
     with pytest.raises(TypeError, match=r"tube is 7.0; expected a reference tube such as ph.Tube"):
         inflation_data(good_frame(), 7.0)
 
@@ -80,17 +80,21 @@ S1E1 = "specimen 'S1', experiment 1: "
 NO_INNER, NO_OUTER = {"inner_radius": None}, {"outer_radius": None}
 NO_ANGLE = {"opening_angle": np.nan}
 # Arguments, and a regular expression of the ValueError.
-NO_TUBE = {
+BAD_TUBES = {
     "no convention": ({"opening_angle": 1.0}, rf'{S1E1}.*Tube\(convention="fung"\).*radii_of='),
-    "no reference": (FUNG | {"opening_angle": 1.0}, f'{S1E1}.*radii_of="ring".*"sector"'),
-    "convention": (FUNG | {"convention": "half"}, "'half'.*'whole', 'fung'"),
+    "neither ring nor sector": (
+        FUNG | {"opening_angle": 1.0}, f'{S1E1}.*radii_of="ring".*"sector"',
+    ),
+    "unknown convention": (FUNG | {"convention": "half"}, "'half'.*'whole', 'fung'"),
     "ring of unknown angle": (RING | NO_ANGLE, f"{S1E1}.*without its opening_angle"),
-    "half a ring": (RING | FUNG | NO_INNER, f"{S1E1}.*one radius is not known"),
+    "ring with one radius": (RING | FUNG | NO_INNER, f"{S1E1}.*one radius is not known"),
     "ring without a wall": (RING | FUNG | {"outer_radius": 7.0}, f"{S1E1}outer_radius of .* 7 mm"),
     "ring of no radius": (RING | FUNG | {"inner_radius": 0.0}, f"{S1E1}inner_radius is 0 mm"),
     "a full turn": (RING | FUNG | {"opening_angle": 180.0}, f"{S1E1}.*6.28319 rad as a whole"),
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
-    "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness and wall_area are given"),
+    "thickness and wall area": (
+        {"thickness": 2.0, "wall_area": 9.0}, "thickness and wall_area are given",
+    ),
     "wall alone": ({"wall_area": 30.0} | NO_INNER | NO_OUTER, "with neither inner_radius"),
     "no wall": ({"wall_area": 0.0} | NO_INNER, f"{S1E1}wall_area is 0; expected a positive"),
     "too much wall": ({"wall_area": 300.0} | NO_INNER, f"{S1E1}.*300 mm² does not fit"),
@@ -101,13 +105,13 @@ NO_TUBE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("stated, message", NO_TUBE.values(), ids=NO_TUBE)
-def test_what_does_not_state_a_tube_is_refused_with_what_would(stated, message):
+@pytest.mark.parametrize("stated, message", BAD_TUBES.values(), ids=BAD_TUBES)
+def test_incomplete_or_contradictory_tube_is_refused_with_what_to_state(stated, message):
     with pytest.raises(ValueError, match=message):
         build(**stated)
 
 
-def test_several_angles_without_a_convention_are_one_problem():
+def test_missing_angle_convention_is_reported_once_for_all_tests():
     frame = good_frame()
     frame["angle"] = np.where(frame["specimen"] == "S1", 1.0, 2.0)
     with pytest.raises(ValueError, match="and so are") as caught:

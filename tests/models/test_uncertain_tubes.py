@@ -78,10 +78,10 @@ def exact_likelihood(measured, values, mu, alpha):
 
 
 @pytest.mark.parametrize(("values", "impossible", "measured"), UNKNOWN)
-def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
+def test_likelihood_of_an_inferred_tube_is_exact_and_zero_if_impossible(
     values, impossible, measured
 ):
-    """Gradients agree with differences, and are finite where there is no such tube."""
+    """Gradients agree with differences, and are finite for impossible tubes."""
     names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
     missing = {name: np.nan for name in names if name in TUBE}
     likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)
@@ -115,7 +115,7 @@ NOISE = ph.Gaussian(pressure_sd=0.4, force_sd=2.0)
 
 
 def table():
-    """Two specimens, the second of a thicker wall, with two tests each."""
+    """Return two tests of each of two specimens; the second one has a thicker wall."""
     rows = [
         {"specimen": name, "experiment": test, "radius": r, "outer": outer, "pressure": 60 * r - 25}
         | {"axial_force": 20.0 + r, "outer_diameter": 2 * r + 0.2, "stretch": 1.3 + 0.1 * test}
@@ -138,7 +138,7 @@ def log_density(model, **point):
 
 
 def changed(data, name, z, sd):
-    """The data with a measure that deviates by `z` standard deviations from its value."""
+    """Return data with a measure that deviates by `z` standard deviations from its value."""
     of_test = np.repeat(z, 2)
     inner, outer, angle = (
         data[k].values for k in ("inner_radius", "outer_radius", "opening_angle")
@@ -162,7 +162,7 @@ def changed(data, name, z, sd):
 
 
 def with_radii(data):
-    """The same with internal radii that belong to the outer diameters."""
+    """Return data with the internal radii that follow from the outer diameters."""
     if "outer_diameter" not in data:
         return data
     k = 2 * np.pi / (2 * np.pi - data["opening_angle"].values)
@@ -184,7 +184,7 @@ Z = np.array([[0.7, -1.2], [-0.4, 0.3]])
         ({"wall_area": 0.03}, "radius"),
     ],
 )
-def test_deviations_give_the_density_of_the_other_tube(sds, measured):
+def test_density_at_deviations_equals_the_density_of_the_deviating_tube(sds, measured):
     """The likelihood is that of data with the deviating tube; the prior is standard normal."""
     stated = measured == "radius"  # by the data, or by the model
     data = other = ring_data(measured, sds) if stated else ring_data(measured)
@@ -213,8 +213,8 @@ def test_deviations_give_the_density_of_the_other_tube(sds, measured):
 
 
 @pytest.mark.parametrize("unknown", [ph.MeasuredValue(0.1), pm.LogNormal.dist(-1.0, 0.2)])
-def test_results_of_uncertain_tubes_state_their_likelihood_to_compare_laws(unknown):
-    """They are no classes: their priors are not stored."""
+def test_results_of_uncertain_tubes_store_their_likelihood_but_no_priors(unknown):
+    """Laws can then be compared; priors are stored for classes only."""
     likelihood = ph.Gaussian(pressure_sd=0.3, force_sd=2.0)
     priors = {"thickness": unknown}
     if not isinstance(unknown, ph.MeasuredValue):

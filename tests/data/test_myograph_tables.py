@@ -1,4 +1,4 @@
-"""Tables that pressure myographs and loggers write are read, or refused with what to do."""
+"""Tables of pressure myographs and loggers are read, or refused with what to do."""
 
 import re
 from pathlib import Path
@@ -8,21 +8,21 @@ import pytest
 from written import HEAD, ROUNDING, ROWS, message_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
-# A trace as VasoTracker writes it: diameters without a unit, in micrometres; own numbers.
+# A trace in the format of VasoTracker, with invented numbers; diameters are in micrometres.
 TRACE = """Time (s),Time (hh:mm:ss),Outer Diameter,Inner Diameter,Table Marker,Temperature (oC),\
 Pressure 1 (mmHg),Pressure 2 (mmHg),Avg Pressure (mmHg),Set Pressure (mmHg),Caliper length
 0.0,00:00:00,142.1,103.5,,36.9,20.2,19.8,20.0,20,0
 0.1,00:00:00,155.7,121.4,,36.9,40.1,39.9,40.0,40,0
 0.2,00:00:00,163.2,131.6,1,37.0,60.2,59.8,60.0,60,0
 """
-# Its table of markers.
+# A table of markers in the format of VasoTracker.
 TABLE = "#,Time,Label,OD,ID,Pavg\n1,0.2,20 mmHg,142.1,103.5,20\n2,9.8,40 mmHg,155.7,121.4,40\n"
 TUBE = {"specimen": "A1", "experiment": "1", "inner_radius": 45, "outer_radius": 65}
 UNITS = {"radius_unit": "um", "pressure_unit": "mmHg"}
 MMHG = 0.133322387415
 
 
-def test_message_about_a_trace_of_a_myograph_says_all_that_is_lacking(written):
+def test_trace_of_a_myograph_is_refused_with_all_missing_settings(written):
     lines = message_of(written, TRACE).splitlines()
     assert lines[0] == f"{len(lines) - 1} problems:"
     for lacking in (
@@ -37,7 +37,7 @@ def test_message_about_a_trace_of_a_myograph_says_all_that_is_lacking(written):
     assert "say which was measured" in message
 
 
-def test_a_trace_of_a_myograph_is_read_with_settings(written):
+def test_trace_of_a_myograph_is_read_with_settings(written):
     settings = UNITS | {"constants": TUBE, "measured": "outer_diameter"}
     data = written(TRACE, settings=settings)
     np.testing.assert_allclose(data["outer_diameter"], [0.1421, 0.1557, 0.1632], rtol=ROUNDING)
@@ -46,20 +46,20 @@ def test_a_trace_of_a_myograph_is_read_with_settings(written):
     np.testing.assert_allclose(data["radius"], [0.05175, 0.0607, 0.0658], rtol=ROUNDING)
 
 
-def test_a_diameter_that_the_settings_ask_for_and_no_column_holds_is_asked_for(written):
+def test_outer_diameter_required_by_settings_but_in_no_column_is_refused(written):
     settings = {"measured": "outer_diameter"}
     message = message_of(written, f"{HEAD}\n{ROWS}", settings=settings)
     assert "'pressure_kPa', and no column outer_diameter: rename the one that holds it" in message
 
 
-def test_settings_of_the_guide_read_a_trace(written):
+def test_settings_of_the_guide_read_a_trace_of_a_myograph(written):
     *_, toml = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), flags=re.DOTALL)
     data = written(TRACE, toml=toml)
     np.testing.assert_allclose(data["outer_diameter"], [0.1421, 0.1557, 0.1632], rtol=ROUNDING)
     assert data["inner_radius"].item() == 0.045
 
 
-def test_a_table_of_markers_is_read_once_its_columns_are_named(written):
+def test_table_of_markers_is_read_if_settings_name_its_columns(written):
     constants = {name: value for name, value in TUBE.items() if name != "specimen"}
     settings = UNITS | {"constants": constants, "measured": "outer_diameter"}
     message = message_of(written, TABLE, settings=settings)
@@ -79,7 +79,7 @@ ABOVE = {
 
 
 @pytest.mark.parametrize("above, separator, message", ABOVE.values(), ids=ABOVE)
-def test_lines_above_the_names_are_refused_by_number_and_read_as_remarks(
+def test_lines_above_the_column_names_are_refused_unless_marked_as_remarks(
     above, separator, message, written
 ):
     table = f"{HEAD}\n{ROWS}".replace(",", separator)
@@ -89,7 +89,7 @@ def test_lines_above_the_names_are_refused_by_number_and_read_as_remarks(
     assert written(remarks + table).drop_vars("row").equals(written(table).drop_vars("row"))
 
 
-def test_names_that_only_the_settings_know_are_found_below_a_preamble(written):
+def test_column_names_stated_in_settings_are_found_below_a_preamble(written):
     table = "Probe;Versuch;Ri;Druck\nS1;1;7,2;1,0\nS1;1;8,4;6,5\n"
     settings = {"columns": {"specimen": "Probe", "experiment": "Versuch"}}
     settings["columns"] |= {"radius": "Ri", "pressure": "Druck"}

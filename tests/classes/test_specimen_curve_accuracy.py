@@ -1,4 +1,4 @@
-"""Specimens of classes by nodes that are selected for the prior, against quadrature."""
+"""Accuracy of the curves of a specimen at nodes selected for the prior, against quadrature."""
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 
 SEED = 20261127
 # Nats: the largest error of a log likelihood, and its growth with the depth below the best draw.
-TOLERANCE, OF_DEPTH = 0.003, 1e-4
+TOLERANCE, RELATIVE_TOLERANCE = 0.003, 1e-4
 # Nats: depth from which draws are not compared.
 DEEP = 3000.0
 
@@ -49,7 +49,7 @@ def taut():
 
 
 @pytest.mark.deep
-def test_selected_nodes_give_the_likelihood_of_quadrature(taut):
+def test_likelihood_by_selected_nodes_equals_quadrature(taut):
     """At draws of the prior that were not used to select the nodes."""
     sampler, data = taut
     assert isinstance(sampler.forward.integrator.basis, SelectedNodes)
@@ -62,11 +62,11 @@ def test_selected_nodes_give_the_likelihood_of_quadrature(taut):
     found, expected = (one.target(data).score(points)[1] for one in (sampler, exact))
     near = expected > expected.max() - DEEP
     assert near.sum() > 100
-    allowed = TOLERANCE + OF_DEPTH * (expected.max() - expected[near])
+    allowed = TOLERANCE + RELATIVE_TOLERANCE * (expected.max() - expected[near])
     assert np.mean(np.abs(found[near] - expected[near]) < allowed) > 0.99
 
 
-def test_curves_of_fibres_that_slacken_between_nodes_are_refined():
+def test_integrator_is_refined_if_fibres_slacken_between_nodes():
     """The integrator is refined if the curves of the particles err by more than is allowed."""
     data, angle, integrators = protocols(0.93), np.log(5.0 / (90 - 5.0)), []
     sampler = sampler_of(data)
@@ -84,7 +84,7 @@ def test_curves_of_fibres_that_slacken_between_nodes_are_refined():
 
 
 @pytest.mark.parametrize("error", [np.nan, *deep([2e-6])])
-def test_evidence_has_no_error_if_curves_stay_inaccurate(error, taut, monkeypatch):
+def test_evidence_error_is_infinite_if_curves_stay_inaccurate(error, taut, monkeypatch):
     (sampler, data), taken = taut, []
 
     def take(sampler):

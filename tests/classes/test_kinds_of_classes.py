@@ -18,8 +18,8 @@ def settings_of(priors=None, variability=None):
     return kind_of_settings(OGDEN, NOISE, priors, variability).settings()
 
 
-def test_variability_chooses_the_kind():
-    """None means one material of all specimens, and a word the default of the class."""
+def test_variability_selects_pooled_or_hierarchical_classes():
+    """None means one material of all specimens; "specimen" means the default `Variability()`."""
     assert isinstance(kind_of_settings(OGDEN, NOISE, None, None), PooledClass)
     assert isinstance(kind_of_settings(OGDEN, NOISE, None, "specimen"), HierarchicalClass)
     assert settings_of(variability="specimen") == settings_of(variability=ph.Variability())
@@ -27,8 +27,8 @@ def test_variability_chooses_the_kind():
     assert other != settings_of(variability="specimen")
 
 
-def test_stored_settings_keep_their_names_and_give_the_kind_again():
-    """Results that are stored already have these names, and have to open."""
+def test_stored_settings_keep_their_names_and_restore_the_class():
+    """Results in existing files use these names, and they have to open."""
     variability = ph.Variability(experiment_effect=True, reference_stress=30.0)
     priors = {
         "spread": pm.LogNormal.dist(-1.0, 0.5, shape=2),
@@ -46,8 +46,10 @@ def test_stored_settings_keep_their_names_and_give_the_kind_again():
     assert PooledClass.from_settings(ModelSettings(**vars(settings_of()))).settings().priors
 
 
-@pytest.mark.parametrize("variability", ["specimen", ph.Variability(True)])
-def test_a_population_has_the_variability_that_is_stated(variability):
+@pytest.mark.parametrize(
+    "variability", ["specimen", ph.Variability(True)], ids=["specimen", "experiment effect"]
+)
+def test_population_model_has_the_stated_variability(variability):
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1", experiment=1)
     priors = {"thickness": ph.MeasuredValue(sd=0.1), "effect_spread": pm.Exponential.dist(2.0)}
     if variability == "specimen":

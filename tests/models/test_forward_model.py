@@ -1,4 +1,4 @@
-"""The forward model: curves of every law at every point, and other data in place of its own."""
+"""The forward model: curves of every law at every point, and replaced data."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from pymc_hyperelastic.models.priors import complete_priors
 
 # Relative to the largest pressure, or force, of a curve.
 CURVE_TOLERANCE = 1e-8
-# Sums of squares of curves that are exact to 1e-12, and one sum in another compilation.
+# Relative error of sums of squares of curves that are exact to 1e-12, and of one sum twice.
 LIKELIHOOD_TOLERANCE, ROUNDING = 1e-9, 1e-12
 
 INNER, OUTER, ANGLE = 1.0, 1.3, 0.8
@@ -58,8 +58,8 @@ BY_LAW = tiers(LAWS, lambda name: name in FIRST)
 
 
 @pytest.mark.parametrize("name", BY_LAW)
-def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
-    """By constant matrices and by quadrature, and as the inner one of two layers."""
+def test_curves_of_every_law_use_the_axial_stretch_of_each_point(name):
+    """By tabulated and by pointwise quadrature, and as the inner one of two layers."""
     law, data = LAWS[name], opened_tube()
     parameters = {n: np.array(v, float) for n, v in law.parameters[0][0].items()}
     inner = ph.Layer(law.strain_energy, OUTER - INNER, **parameters)
@@ -71,7 +71,7 @@ def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
         curves.append(forward.tube(parameters).curves())
     forward = ForwardModel(wall, opened_tube(None), {}, with_force=True)
     curves.append(forward.tube({}).curves())
-    # Held to independent quadrature in tests/mechanics.
+    # tests/mechanics compare these functions with independent quadrature.
     axial, radius = at_points(data, "axial_stretch"), data["radius"].values
     tube = ph.Tube(INNER, axial_stretch=axial, opening_angle=ANGLE)
     single = law.strain_energy, radius, replace(tube, outer_radius=OUTER)
@@ -104,8 +104,8 @@ def dense(data, sds):
         (DIAMETER, "collocation", "outer_diameter"),
     ],
 )
-def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
-    """Data of other lengths, with few or no forces, and with inflation or extension tests alone."""
+def test_compiled_likelihood_of_replaced_data_is_exact(sds, mode, measured):
+    """The replacing data differ in length, number of forces, and kinds of tests."""
     likelihood, first = ph.Gaussian(**sds), extended(measured)
     forward = likelihood.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
     log_likelihood = likelihood.log_likelihood(forward.tube(OGDEN))
@@ -126,8 +126,8 @@ def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
     assert evaluated([again])[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
 
-def test_data_that_cannot_take_the_place_of_the_first_are_refused():
-    """Constants, diameters in place of radii, and extension tests in place of inflation tests."""
+def test_data_of_another_kind_cannot_replace_the_first_data():
+    """Data that are constants, radii by diameters, and inflation tests by extension tests."""
     data, other = shared_errors.dataset(), shared_errors.dataset(measured="outer_diameter")
     fixed = ForwardModel(ph.Ogden(), data, PRIORS, replaceable=False)
     with pytest.raises(TypeError, match="constants"):
@@ -143,7 +143,7 @@ def test_data_that_cannot_take_the_place_of_the_first_are_refused():
         forward.set_data(extended())
 
 
-def test_points_between_those_of_the_data_are_evenly_spread():
+def test_between_returns_evenly_spaced_points_of_each_test():
     """Along the radius of an inflation test, and along the stretch of an extension test."""
     both = extended()
     between = ForwardModel(ph.Ogden(), both, PRIORS, mode="quadrature").between().data
@@ -156,7 +156,7 @@ def test_points_between_those_of_the_data_are_evenly_spread():
 
 
 @pytest.mark.parametrize("mode", ["auto", "collocation"])
-def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
+def test_curves_are_exact_for_a_law_that_polynomials_cannot_approximate(mode):
     """Near n = 0 the response of this law has a pole: nodes are selected, or walls integrated."""
     frame = pd.DataFrame({"specimen": "S", "experiment": 1, "radius": np.linspace(6.4, 10.5, 9)})
     frame = frame.assign(pressure=2 * (frame["radius"] - 6.0), axial=1.0)
@@ -173,14 +173,14 @@ def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
     np.testing.assert_allclose(pressure, exact, rtol=0, atol=1e-9 * exact.max())  # its tolerance
 
 
-def test_the_table_of_tests_has_as_many_columns_as_the_longest_test():
+def test_table_of_points_has_as_many_columns_as_the_longest_test():
     found = table_arrays(np.array([0, 0, 0, 2, 2]), 3)
     assert found["there"].tolist() == [[True] * 3, [False] * 3, [True, True, False]]
     assert found["place"].tolist() == [0, 1, 2, 6, 7]
 
 
-def test_a_prior_that_cannot_be_drawn_from_is_warned_of():
-    """Nothing is known of the range of flat priors: walls are integrated with 32 nodes."""
+def test_improper_prior_warns_and_uses_quadrature_of_32_nodes():
+    """The range of parameters with flat priors is unknown: walls are integrated with 32 nodes."""
     priors = {name: pm.Flat.dist() for name in ("mu", "alpha")}
     data = shared_errors.dataset()
     with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):

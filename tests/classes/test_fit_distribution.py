@@ -1,4 +1,4 @@
-"""Distributions of classes: as many draws of their specimens as the evidence needs."""
+"""Fit of a class distribution: how many draws of each specimen it uses, and its evidence."""
 
 import numpy as np
 from scipy import stats
@@ -11,18 +11,18 @@ from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 SEED = 911
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
-# Nats: draws of specimens leave no more error than this in the evidence of a class.
+# Nats: largest error of a class evidence that the draws of its specimens may cause.
 ENOUGH = 0.1
 
 
-def test_draws_are_doubled_until_they_are_expected_to_be_enough():
-    """Half of the largest error is aimed at: a variance of 0.05² nats²."""
+def test_number_of_draws_doubles_until_the_expected_variance_is_small():
+    """The target is half of the largest allowed error: a variance of 0.05² nats²."""
     variances = (0.05**2, 1.01 * 0.05**2, 4 * 0.05**2, 9.0)
     assert [_larger(128, variance) for variance in variances] == [128, 256, 512, 2000]
 
 
-def test_more_draws_make_the_evidence_of_a_class_precise():
-    """Two specimens that are hardly known: with the spread, a sum over a grid."""
+def test_evidence_of_a_class_of_uncertain_specimens_equals_a_sum_over_a_grid():
+    """Two specimens have large errors; the location is integrated exactly, the spread on a grid."""
     rng = np.random.default_rng(SEED)
     model = ClassModel(HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD))
     places, errors = np.log(0.2) + np.array([-0.5, 0.6]), np.array([1.0, 4.0])

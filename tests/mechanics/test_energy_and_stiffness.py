@@ -31,7 +31,7 @@ def means_of(law, *columns):
 
 @pytest.mark.parametrize("tube", tiers(TUBES, first=lambda tube: tube == FIRST_TUBE))
 @pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law in FIRST_LAWS))
-def test_means_equal_adaptive_quadrature(law, tube):
+def test_mean_energy_and_moduli_of_a_wall_equal_adaptive_quadrature(law, tube):
     """The oracle's moduli are differences of stress between two close states."""
     problems = problems_of(law, tube)
     found = means_of(law, *columns_of(problems))
@@ -47,7 +47,7 @@ def test_means_equal_adaptive_quadrature(law, tube):
 
 
 def test_wall_at_rest_stores_no_energy():
-    """Also of laws whose energy at rest is not zero."""
+    """The laws include one whose energy function at rest is not zero."""
     for law in (*FIRST_LAWS, "CriscioneType"):
         at_rest = columns_of(problems_of(law, "at rest"))
         energy, *_ = means_of(law, *at_rest)

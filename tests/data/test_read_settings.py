@@ -7,7 +7,7 @@ from written import HEAD, KPA_10, KPA_45, ROUNDING, ROWS, message_of
 TUBE = ("inner_radius", "outer_radius", "axial_stretch", "group")
 
 
-def test_units_are_needed_and_settings_may_state_them_for_all_columns_or_for_one(written):
+def test_missing_units_are_refused_unless_settings_state_them(written):
     bare = "specimen,experiment,radius,pressure\nS1,1,7.2,10\nS1,1,8.0,45\n"
     lines = message_of(written, bare).splitlines()
     assert lines[0] == "2 problems:" and len(lines) == 3
@@ -21,7 +21,7 @@ def test_units_are_needed_and_settings_may_state_them_for_all_columns_or_for_one
     assert data["pressure"].values.tolist() == [1.0, 6.5]
 
 
-def test_constants_have_units_and_names_of_columns_and_stand_for_missing_columns_only(written):
+def test_constants_replace_missing_columns_only_and_need_units(written):
     toml = """
 measured = "radius"
 [units]
@@ -51,7 +51,7 @@ class = "C1"
     assert message.startswith("specimen is 'S9' in the settings, and a.csv has a column of it, 'sp")
 
 
-def test_an_angle_needs_settings_that_say_which_it_is(written):
+def test_opening_angle_without_convention_and_reference_is_refused(written):
     table, angle = f"{HEAD}\n{ROWS}", {"constants": {"opening_angle_deg": 60}}
     message = message_of(written, table, settings=angle)
     assert 'say which is meant: opening_angle_convention="whole" if it is' in message
@@ -61,7 +61,7 @@ def test_an_angle_needs_settings_that_say_which_it_is(written):
     np.testing.assert_allclose(data["opening_angle"], 2 * np.pi / 3, rtol=ROUNDING)
 
 
-def test_labels_may_be_constants_of_each_file(written):
+def test_labels_can_be_constants_of_each_file(written):
     table = "radius_mm,pressure_kPa\n7.2,1.0\n8.4,6.5\n"
     specimens = {"a.csv": {"specimen": "01"}, "b.csv": {"specimen": "02"}}
     settings = {"constants": {"experiment": 1}, "files": specimens}
@@ -74,20 +74,32 @@ def test_labels_may_be_constants_of_each_file(written):
 
 # TOML, and the beginning of its message.
 BAD = {
-    "no TOML": ("a = ", "study.toml is not a TOML file in UTF-8: "),
+    "invalid TOML": ("a = ", "study.toml is not a TOML file in UTF-8: "),
     "likelihood": ("likelihood = '2 mmHg'", "study.toml: likelihood is '2 mmHg'; expected"),
-    "size": ("likelihood = {sigma = [1]}", "study.toml: likelihood.sigma is [1]; expected"),
-    "key": ("presure_unit = 'kPa'", "study.toml: 'presure_unit' is not known; expected some of"),
-    "unit": ("pressure_unit = 'mm'", "study.toml: pressure_unit is 'mm', which is not a known"),
-    "column": ("columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known"),
+    "size of an error": (
+        "likelihood = {sigma = [1]}", "study.toml: likelihood.sigma is [1]; expected",
+    ),
+    "unknown key": (
+        "presure_unit = 'kPa'", "study.toml: 'presure_unit' is not known; expected some of",
+    ),
+    "unit of another quantity": (
+        "pressure_unit = 'mm'", "study.toml: pressure_unit is 'mm', which is not a known",
+    ),
+    "unknown column": (
+        "columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known",
+    ),
     "constants": ("files = {'a.csv' = 1}", "study.toml: files.'a.csv': constants is 1; exp"),
     "number for a name": ("columns = {pressure = 1}", "study.toml: columns.pressure is 1; exp"),
     "column of no file": ("columns = {pressure = 'P'}", "2 problems:\n- columns.pressure of"),
-    "text": ("constants = {thickness = '1 mm'}", "study.toml: constants.thickness is '1 mm'; exp"),
+    "number as text": (
+        "constants = {thickness = '1 mm'}", "study.toml: constants.thickness is '1 mm'; exp",
+    ),
     "two names": ("constants = {thickness_um = 62, thickness_mm = 1}", "study.toml: constants has"),
     "infinity": ("constants = {thickness = inf}", "study.toml: constants.thickness is inf; expec"),
     "not a list": ("ignore = 'P'", "study.toml: ignore is 'P'; expected a list of column names"),
-    "convention": ("cycles = 'first'", "study.toml: cycles is 'first'; expected one of ('last', '"),
+    "unknown choice of cycles": (
+        "cycles = 'first'", "study.toml: cycles is 'first'; expected one of ('last', '",
+    ),
 }  # fmt: skip
 
 

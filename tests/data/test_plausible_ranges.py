@@ -1,4 +1,4 @@
-"""Sizes beyond the ranges of soft tubes are doubted, with their likely cause."""
+"""Sizes beyond the ranges of soft tubes give a warning with the likely cause."""
 
 import re
 from pathlib import Path
@@ -29,15 +29,15 @@ def build(frame=None, **arguments) -> xr.Dataset:
 
 RING = {"radii_of": "ring", "convention": "whole"}
 # A call, and a regular expression of its warning.
-DOUBTFUL = {
+IMPLAUSIBLE = {
     "stretch in per cent": (lambda **c: build(axial_stretch=145.0, **c), "145;.*per cent"),
     "strain for a stretch": (lambda **c: build(axial_stretch=0.45, **c), "0.45;.*strain"),
     "diameter as radius": (lambda **c: build(curve(2 * RADIUS), **c), "measured radius a diameter"),
 }
 
 
-@pytest.mark.parametrize("call, expected", DOUBTFUL.values(), ids=DOUBTFUL)
-def test_doubtful_size_is_warned_of_with_its_likely_cause_raised_or_ignored(call, expected):
+@pytest.mark.parametrize("call, expected", IMPLAUSIBLE.values(), ids=IMPLAUSIBLE)
+def test_implausible_size_warns_with_its_likely_cause_raises_or_is_ignored(call, expected):
     with pytest.warns(UserWarning) as warned:
         call()
     messages = [str(w.message) for w in warned]
@@ -54,20 +54,20 @@ def test_doubtful_size_is_warned_of_with_its_likely_cause_raised_or_ignored(call
     ("name", "values", "cut"),
     [("axial_stretch", [0.9] * 10, {}), ("opening_angle", ["60"] * 9 + [""], RING)],
 )
-def test_unused_column_of_the_stretch_or_the_angle_is_doubted(name, values, cut):
+def test_unused_column_of_stretch_or_angle_warns(name, values, cut):
     frame = curve(**{name: values})
-    doubted = f"column {name!r} with values other than .*say Tube.{name}={name!r}"
-    with pytest.warns(UserWarning, match=doubted) as warned:
+    expected = f"column {name!r} with values other than .*say Tube.{name}={name!r}"
+    with pytest.warns(UserWarning, match=expected) as warned:
         build(frame)
     assert [w.filename for w in warned] == [__file__]
-    # A column that is taken, holds no numbers, or agrees is not doubted.
+    # A column that is used, holds no numbers, or agrees gives no warning.
     build(frame[:5], angle_unit="deg", **{name: name}, **cut)
     build(curve(**{name: "not written down"}))
     build(curve(**{name: [1.5] * 10}), **{name: 1.5}, **cut)
 
 
 # Relative distance from the end of a range, well above rounding.
-JUST = 1e-9
+MARGIN = 1e-9
 AREA = np.pi * (9.0**2 - 7.0**2)
 
 
@@ -108,44 +108,46 @@ ENDS = [
 ]
 
 
-@pytest.mark.parametrize("name, end, of_size", ENDS)
-def test_sizes_are_doubted_beyond_the_ends_of_their_range_only(name, end, of_size):
+@pytest.mark.parametrize(
+    "name, end, of_size", ENDS, ids=[f"{name} at {end:g}" for name, end, _ in ENDS]
+)
+def test_sizes_warn_only_beyond_the_ends_of_their_plausible_range(name, end, of_size):
     outward = {PLAUSIBLE[name].low: -1, PLAUSIBLE[name].high: 1}[end]
-    of_size(end - outward * JUST * abs(end))
+    of_size(end - outward * MARGIN * abs(end))
     with pytest.warns(UserWarning, match=re.escape(PLAUSIBLE[name].what)) as warned:
-        of_size(end + outward * JUST * abs(end))
+        of_size(end + outward * MARGIN * abs(end))
     assert len(warned) == 1
 
 
-def test_hoop_stretches_are_compared_where_the_tube_is_nearly_unloaded_or_inflated():
-    """At pressures from 2 kPa on any first stretch may be right, and below 2 kPa any last one."""
+def test_hoop_stretches_are_checked_only_near_zero_pressure_or_if_inflated():
+    """A first stretch is checked below 2 kPa only, and a last stretch above 2 kPa only."""
     above, below = np.linspace(2.0, 20.0, 10), np.linspace(0.5, 2.0, 10)
     build(curve(np.linspace(14.0, 16.0, 10), above))
     build(curve(np.linspace(5.0, 5.2, 10), below))
     with pytest.warns(UserWarning, match=PLAUSIBLE["first_stretch"].what):
-        build(curve(np.linspace(14.0, 16.0, 10), above - JUST))
+        build(curve(np.linspace(14.0, 16.0, 10), above - MARGIN))
     with pytest.warns(UserWarning, match=PLAUSIBLE["last_stretch"].what):
-        build(curve(np.linspace(5.0, 5.2, 10), below + JUST))
+        build(curve(np.linspace(5.0, 5.2, 10), below + MARGIN))
 
 
 @pytest.mark.parametrize("function", [ph.radius_at_pressure, ph.tube_properties, ph.wall_stress])
-def test_pressure_of_a_prediction_that_was_probably_in_mmhg_is_doubted(function):
+def test_prediction_pressure_that_is_probably_in_mmhg_warns(function):
     posterior = xr.Dataset({"mu": (("chain", "draw"), [[700.0, 900.0]])})
     tree = xr.DataTree.from_dict({"posterior": posterior})
     tube, material = ph.Tube(**TUBE), {"energy": ph.NeoHookean()}
     at = ph.Conditions([16.0, 100.0], tube=tube)
     with pytest.warns(UserWarning, match="100 kPa, 750 mmHg.*pressure_unit='mmHg'") as warned:
-        doubted = function(tree, at, **material)
+        with_warning = function(tree, at, **material)
     assert [w.filename for w in warned] == [__file__]
     with pytest.raises(ValueError, match="750 mmHg"):
         function(tree, ph.Conditions(100, tube=tube), check="raise", **material)
     silent = function(tree, at, check="ignore", **material)
-    xr.testing.assert_identical(silent, doubted)
+    xr.testing.assert_identical(silent, with_warning)
     function(tree, ph.Conditions(120 * ph.mmHg, tube=tube), **material)
 
 
-def test_specimens_of_single_points_are_doubted(written):
-    """As if a column of numbers had been taken for the labels of specimens."""
+def test_specimens_with_single_points_warn(written):
+    """The likely cause is that a column of numbers was read as labels of specimens."""
     rows = [f"{101.5 + i},1,{7 + i},{1 + i}\n" for i in range(3)]
     with pytest.warns(
         UserWarning, match=r"each of the 3 specimens has a single measured point, .*'101"
@@ -154,7 +156,7 @@ def test_specimens_of_single_points_are_doubted(written):
     written("sample,test,radius_mm,p_kPa\nS1,1,7.2,1\nS2,1,7.2,1\nS2,1,8.4,6\n")
 
 
-def test_guide_states_the_ranges():
+def test_guide_states_all_plausible_ranges():
     page = PAGE.read_text(encoding="utf-8")
     for expected in PLAUSIBLE.values():
         ends = [f"{x:g}" if np.isfinite(x) and x else "" for x in (expected.low, expected.high)]

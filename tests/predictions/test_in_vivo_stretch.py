@@ -21,7 +21,7 @@ LAW = ph.FungOrthotropic()
 
 
 def aortas(**changes):
-    """Draws of the law, of which some parameters are by draw."""
+    """Return draws of the law; some parameters differ between draws."""
     count = max((len(v) for v in changes.values()), default=1)
     return result(**{n: changes.get(n, [x] * count) for n, x in FUNG.items()})
 
@@ -34,7 +34,7 @@ def rises_of_force(tree, stretches):
     return force[1::2] - force[::2]
 
 
-def test_force_is_equal_at_both_pressures_at_the_in_vivo_stretch():
+def test_axial_force_is_equal_at_both_pressures_at_the_in_vivo_stretch():
     tree = aortas(c=[15.0, 30.0], a2=[0.5, 1.0])
     walls = result(inner_radius=[0.44, 0.5], thickness=[0.2, 0.1])["posterior"].to_dataset()
     tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset().merge(walls))
@@ -43,7 +43,7 @@ def test_force_is_equal_at_both_pressures_at_the_in_vivo_stretch():
     assert stretch.dims == ("chain", "draw")
     assert stretch.attrs["draws_without"] == 0
     for i, value in enumerate(stretch.values[0]):
-        # The rise changes its sign there, and nowhere before.
+        # The rise of the force changes its sign there for the first time.
         stretches = [*np.linspace(0.8, 0.98 * value, 6), value, 1.02 * value]
         *before, at, above = rises_of_force(tree.isel(draw=[i]), stretches)
         assert max(before) < 0 < above
@@ -74,7 +74,7 @@ def test_law_without_axial_force_has_no_in_vivo_stretch():
 
 
 def test_draws_without_in_vivo_stretch_are_nan_and_counted():
-    # A wall that stiffens around, and not along, is pushed all the more the longer it is.
+    # A wall that stiffens only in the hoop direction has no stretch of equal forces.
     at = ph.Conditions(9.0, pressure_range=(8.0, 12.0), tube=ph.Tube(**WALL))
     said = r"of 2 draws 1 have no in vivo axial stretch from 0.8 to 2.5, .* 8 and 12 kPa"
     with pytest.warns(UserWarning, match=said):

@@ -32,7 +32,7 @@ def test_negative_modulus_is_not_admissible():
     )
 
 
-def test_softening_breaks_the_rise_of_pressure_alone():
+def test_softening_tube_violates_rising_pressure_but_not_baker_ericksen():
     top, _ = maximum_of_softening()
     softening = {"energy": ph.PowerLawNeoHookean(), "tube": TUBE}
     found = ph.is_admissible(one_draw(SOFTENING), np.linspace(7, 1.1 * top, 50), **softening)
@@ -44,7 +44,7 @@ def test_softening_breaks_the_rise_of_pressure_alone():
 
 @pytest.mark.parametrize("axial", [0.8, 1.0, 1.3])
 def test_baker_ericksen_of_mooney_rivlin_equals_its_closed_form(axial):
-    """``c10 + λk² c01 > 0`` for each of the three stretches, at each circle that is looked at."""
+    """``c10 + λk² c01 > 0`` for each of the three stretches, at each position in the wall."""
     ratio = np.linspace(-1.2, 0.2, 300)
     radius = np.linspace(6.5, 9.0, 7)
     tube = ph.Tube(**SHEEP, axial_stretch=axial)
@@ -72,7 +72,7 @@ def test_anisotropic_laws_have_no_baker_ericksen_variable():
     assert "Baker" not in found.attrs["summary"]
 
 
-def test_default_radii_are_the_range_of_the_data():
+def test_default_radii_cover_the_range_of_the_data():
     tree = fitted_tree(mu=[20.0, 30.0])
     radius = tree["constant_data"]["radius"]
     expected = f"From {radius.min():g} to {radius.max():g} mm"
