@@ -38,6 +38,8 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
         [np.stack([*values_of(kind, found.coordinates[g], names, at).values()]) for g in groups]
     )  # (group, quantity, pressure, draw, specimen)
     typical, others = values[..., 0], values[..., 1:]
+    measured = [np.stack([*values_of(kind, found.measured[g], names, at).values()]) for g in groups]
+    specimens = of_law.names()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
         statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
@@ -49,6 +51,10 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
             "lacking": (
                 ("group", "quantity", "pressure", "draw"),
                 np.isnan(others).mean(axis=-1),
+            ),
+            "specimens": (
+                ("quantity", "pressure", "draw", "specimen"),
+                np.concatenate(measured, axis=-1),
             ),
             "overlap": (of_comparison, np.stack([_overlap(others[[*p]]) for p in places])),
             "overlap_of_specimens": (
@@ -68,6 +74,8 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
             "statistic": STATISTICS,
             "group": groups,
             "quantity": list(names),
+            "specimen": [name for g in groups for name in specimens[g]],
+            "specimen_group": ("specimen", [g for g in groups for _ in specimens[g]]),
             "pressure": at.pressures,
             "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
             "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
@@ -76,6 +84,8 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
         },
     )
     if of_law.pairs:
+        animals = [str(animal) for animal, *_ in of_law.pairs]
+        result = result.assign_coords(animal=("specimen", animals * len(groups)))
         change = others[1] - others[0]
         for name, value in {
             "spread_of_change": np.nanstd(change, axis=-1),
@@ -144,6 +154,7 @@ def summary(by_draw: xr.Dataset, ci_prob: float) -> xr.Dataset:
         effect = typical / np.sqrt((spreads**2).mean("of"))
         found = {
             "value": draws,
+            "specimen_value": by_draw["specimens"],
             "difference": difference,
             "ratio": ratio,
             "effect_size": effect,
