@@ -32,8 +32,8 @@ PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 # Styles of the second and third round of colours. Dashes mean extrapolation.
 LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
-# Colour of words that replace an answer, such as "undecided".
-DOUBT = "#D55E00"
+# Colour of words that replace an answer, such as "undecided": none of the palette.
+DOUBT = "#A00000"
 # Inches that figures leave for a legend below their panels.
 _BELOW = 0.35
 # Columns of a legend at most.
