@@ -52,10 +52,6 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
                 ("group", "quantity", "pressure", "draw"),
                 np.isnan(others).mean(axis=-1),
             ),
-            "specimens": (
-                ("quantity", "pressure", "draw", "specimen"),
-                np.concatenate(measured, axis=-1),
-            ),
             "overlap": (of_comparison, np.stack([_overlap(others[[*p]]) for p in places])),
             "overlap_of_specimens": (
                 ("comparison", "draw"),
@@ -74,8 +70,6 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
             "statistic": STATISTICS,
             "group": groups,
             "quantity": list(names),
-            "specimen": [name for g in groups for name in specimens[g]],
-            "specimen_group": ("specimen", [g for g in groups for _ in specimens[g]]),
             "pressure": at.pressures,
             "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
             "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
@@ -84,14 +78,30 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
         },
     )
     if of_law.pairs:
-        animals = [str(animal) for animal, *_ in of_law.pairs]
-        result = result.assign_coords(animal=("specimen", animals * len(groups)))
         change = others[1] - others[0]
         for name, value in {
             "spread_of_change": np.nanstd(change, axis=-1),
             "share_rising": (change > 0).mean(axis=-1),
         }.items():
             result[name] = of_comparison, value[None]
+    return result.assign(_of_specimens(of_law, found, names, at))
+
+
+def _of_specimens(
+    of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditions
+) -> xr.Dataset:
+    """Return quantities of the measured specimens of all groups for each draw."""
+    of_groups = [values_of(of_law.kind, found.measured[g], names, at) for g in of_law.groups]
+    values = np.concatenate([np.stack([*v.values()]) for v in of_groups], axis=-1)
+    specimens = [(group, name) for group, own in of_law.names().items() for name in own]
+    groups, labels = zip(*specimens, strict=True)
+    result = xr.Dataset(
+        {"specimens": (("quantity", "pressure", "draw", "specimen"), values)},
+        {"specimen": list(labels), "specimen_group": ("specimen", list(groups))},
+    )
+    if of_law.pairs:
+        animals = [str(animal) for animal, *_ in of_law.pairs] * len(of_law.groups)
+        result = result.assign_coords(animal=("specimen", animals))
     return result
 
 

@@ -308,12 +308,12 @@ def _limits(
     forth, back = (np.log, np.exp) if contrasts["is_ratio"] else (np.array, np.array)
     left = [specimens["specimen_value_interval"], groups["value_interval"]]
     right = [contrasts["interval"], contrasts["nothing"]]
-    ends = []
-    for shown in (left, right):
+    ends = np.zeros((2, 2))
+    for of_axis, shown in zip(ends, (left, right), strict=True):
         values = np.concatenate([forth(values.values).ravel() for values in shown])
         values = values[np.isfinite(values)]
-        ends.append([values.min(), values.max()] if values.size else [0.0, 1.0])
-    ends = np.array(ends)
+        if values.size:
+            of_axis[:] = values.min(), values.max()
     first = float(forth(groups["value"].values[0]))
     aligned = groups.sizes["group"] == 2 and np.isfinite(first)
     if aligned:
@@ -323,7 +323,7 @@ def _limits(
     ends += np.where(size > 0, size, 1.0) * [-1, 1]
     if aligned:
         ends[1] -= first
-    return [tuple(of_axis) for of_axis in back(ends).tolist()]
+    return [(float(low), float(high)) for low, high in back(ends)]
 
 
 def _curves(result: xr.Dataset, statistic: str, ci_prob: float, wishes: Wishes) -> Canvas:

@@ -96,7 +96,7 @@ def quantity_label(name: str, law: str | None, pressure_unit: str = "kPa") -> st
 def parameter_of(law: str | None, name: str) -> Parameter | None:
     """The parameter of a law by its name; None if the law, such as a user's own, is not defined.
 
-    Of several laws in one text, the first counts.
+    If the text names several laws, the first one counts.
     """
     first = re.match(r"\w*", law or "")
     with suppress(ValueError):

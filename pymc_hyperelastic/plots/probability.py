@@ -102,7 +102,8 @@ def plot_class_probability(
     'C1 0.900 ± 0.020'
     """
     several = isinstance(result, Mapping) and not isinstance(result, xr.Dataset)
-    results: dict[str, Any] = dict(result) if several else {"": result}
+    given_results: dict[str, Any] = dict(result) if several else {"": result}
+    results = {name: _with_errors(of_model) for name, of_model in given_results.items()}
     labels = [_labels(of_model) for of_model in results.values()]
     given = {"undecided_below": undecided_below, "none_below": none_below}
     limits = _limits(given, next(iter(results.values())))
@@ -151,6 +152,14 @@ def plot_class_probability(
     laws = None if several else read_text(results[""], "strain_energy", None)
     canvas.title([r.attrs for r in results.values()], laws, "class probabilities")
     return canvas.collection
+
+
+def _with_errors(result: Any) -> Any:
+    """Return the result with errors of 0 if it states none, as cross-validation does."""
+    if isinstance(result, xr.Dataset) and "class_probability" in result:
+        known = {"class_probability_se": xr.zeros_like(result["class_probability"])}
+        return result.assign(known | {k: result[k] for k in known if k in result})
+    return result
 
 
 def _table(
@@ -210,7 +219,7 @@ def _draw_bars(canvas: Canvas, table: xr.Dataset, y: xr.DataArray, width: float)
         draw_lines(canvas, name, (0 * own, own), y, alpha=alpha, **bar)
     ends = (probability - error).clip(0, 1), (probability + error).clip(0, 1)
     plain: dict[str, Any] = {"color": "0.1", "ignore_aes": {"color"}, **here}
-    draw_lines(canvas, "error", ends, y, width=1.2, **plain)
+    draw_lines(canvas, "error", tuple(e.where(error > 0) for e in ends), y, width=1.2, **plain)
     beside = (_TRUE * table["true"]).broadcast_like(probability)
     draw_points(canvas, "true", beside, y, marker="<", size=20, clip_on=False, **here)
     if "p_value" in table:
@@ -236,9 +245,11 @@ def _write(da: xr.DataArray, target: Any, *, text: Any, decided: Any, **settings
 
 
 def _legend_of(table: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """Legend entries of what is not a colour of a class."""
+    """Legend entries of errors, marks of true classes and p-values."""
     grey, marks = {"color": "0.3"}, {"linestyle": "none", "markersize": 5}
-    entries: dict[str, dict[str, Any]] = {"± one standard error": {"color": "0.1"}}
+    entries: dict[str, dict[str, Any]] = {}
+    if bool((table["error"] > 0).any()):
+        entries["± one standard error"] = {"color": "0.1"}
     if bool(table["true"].notnull().any()):
         entries["true class"] = grey | marks | {"marker": "<"}
     if "p_value" in table:

@@ -105,6 +105,17 @@ def test_there_is_no_panel_without_p_values(decided, p_value):
     assert figure.viz["plot"]["panel"].values.tolist() == ["probability"]
 
 
+def test_left_out_specimens_of_a_cross_validation_are_shown(result):
+    left_out = result.drop_vars(["class_probability_se", "experiment", "group"])
+    left_out = left_out.swap_dims(test="specimen")
+    left_out = left_out.assign_coords(true_class=("specimen", ["C1", "C2", "C2"]))
+    figure = ph.plot_class_probability(left_out, backend="none")
+    words = [e["string"] for e in elements(figure, "text")]
+    assert words == ["C1 >0.999", "C1 0.900", "C2 0.750"]
+    marked = figure.viz["true"]["classes"].notnull().squeeze()
+    assert marked.sel(class_label="C2").values.tolist() == [False, True, True]
+
+
 def test_sixteen_specimens_fit_one_readable_figure(decided):
     many = xr.concat([decided] * 4, "specimen").isel(specimen=slice(16))
     figure = ph.plot_class_probability(many).get_viz("figure")
