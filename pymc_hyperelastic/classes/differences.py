@@ -38,8 +38,6 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
         [np.stack([*values_of(kind, found.coordinates[g], names, at).values()]) for g in groups]
     )  # (group, quantity, pressure, draw, specimen)
     typical, others = values[..., 0], values[..., 1:]
-    measured = [np.stack([*values_of(kind, found.measured[g], names, at).values()]) for g in groups]
-    specimens = of_law.names()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
         statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
