@@ -32,11 +32,11 @@ _PANELS = ("value", "contrast")
 _HEIGHT = 2.2  # inches of the panels of a quantity
 _OF_ONE = 1.15  # inches of a group
 _NARROWEST = 1.3  # inches of a comparison at least
-_LETTER = 0.075  # inches of a letter below a comparison
+_LETTER = 0.083  # inches of a letter below a comparison
 # Places in the column of a group, whose middle is 0 and whose width is 1.
 _FIRST, _LAST, _OF_GROUP = -0.36, 0.1, 0.32
 _MARGIN = 0.06  # between the outermost value and the end of an axis, as a part of the range
-_DARK, _PALE = "0.1", "0.6"
+_DARK, _PALE, _LINE = "0.1", "0.6", "0.75"
 # Statistics of a group: how they are called, and how they begin the label of an axis of curves.
 _STATISTICS = {
     "typical": ("typical specimen", ""),
@@ -179,6 +179,8 @@ def _estimation(result: xr.Dataset, statistic: str, contrast: str, wishes: Wishe
     _set_axes(canvas, result, words, [specimens, groups, contrasts])
     of_one = {"marker": "o", "color": _PALE, "linestyle": "none", "markersize": 4}
     entries = {"specimen": of_one} if specimens.sizes["specimen"] else {}
+    if entries and "animal" in result.coords:
+        entries["same animal"] = {"color": _LINE, "linewidth": 0.7}
     of_group = {"marker": "s", "color": _DARK, "linewidth": 2, "markersize": 5}
     canvas.legend(entries | {_STATISTICS[statistic][0]: of_group})
     return canvas
@@ -195,7 +197,7 @@ def _by_group(result: xr.Dataset) -> xr.Dataset:
     for i, group in enumerate(result["group"].values.tolist()):
         own = np.flatnonzero(result["specimen_group"] == group)
         part = found.isel(specimen=own).reset_coords(drop=True).drop_vars("specimen")
-        places = np.linspace(_FIRST, _LAST, len(own)) if len(own) > 1 else [(_FIRST + _LAST) / 2]
+        places = np.linspace(_FIRST, _LAST, len(own)) if len(own) != 1 else [(_FIRST + _LAST) / 2]
         part = part.assign(x=("specimen", i + np.array(places)))
         parts.append(part.assign_coords(specimen=labels[own]))
     group = xr.DataArray(result["group"].values, dims="group", name="group")
@@ -221,7 +223,7 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
         x, y, interval = (specimens[n] for n in ("x", "specimen_value", "specimen_value_interval"))
         if paired:
             line = _stacked(x=x, y=y).rename(group="end").drop_vars("end", errors="ignore")
-            plain = {"color": "0.75", "ignore_aes": {"color"}}
+            plain = {"color": _LINE, "ignore_aes": {"color"}}
             canvas.draw("animals", "line_xy", data=line, width=0.7, **plain, **left)
         line = _stacked(x=x, y=interval)
         canvas.draw("specimen_interval", "line_xy", data=line, width=0.7, alpha=0.6, **left)
@@ -236,15 +238,14 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
 
 def _draw_contrasts(canvas: Canvas, contrasts: xr.Dataset, groups: xr.Dataset) -> None:
     """Draw contrasts with their intervals, and the line of no difference in both panels."""
-    nothing = [contrasts["nothing"]]
-    if groups.sizes["group"] == 2:
-        nothing.insert(0, groups["value"].isel(group=0, drop=True))
-    panels = xr.DataArray([*_PANELS][-len(nothing) :], dims="panel", name="panel")
-    lines = xr.concat([n.reset_coords(drop=True) for n in nothing], panels)
+    first = groups["value"].isel(group=0, drop=True)
+    # Of more than two groups, the line would be that of some contrasts only.
+    first = first.where(groups.sizes["group"] == 2)
+    panels = xr.DataArray([*_PANELS], dims="panel", name="panel")
+    both = [n.reset_coords(drop=True) for n in (first, contrasts["nothing"])]
+    lines = xr.concat(both, panels).to_dataset(name="estimation")
     settings: dict[str, Any] = {"color": _PALE, "width": 0.8, "linestyle": "--"}
-    canvas.draw(
-        "nothing", "hline", data=lines.to_dataset(name="estimation"), ignore_aes="all", **settings
-    )
+    canvas.draw("nothing", "hline", data=lines, ignore_aes="all", **settings)
     place = np.arange(float(contrasts.sizes["comparison"]))
     x = xr.DataArray(place, {"comparison": contrasts["comparison"]}, "comparison")
     right: dict[str, Any] = {"coords": {"panel": "contrast"}, "color": _DARK}

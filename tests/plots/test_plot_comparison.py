@@ -3,6 +3,7 @@
 import fits
 import numpy as np
 import pytest
+import xarray as xr
 
 import pymc_hyperelastic as ph
 
@@ -78,6 +79,31 @@ def test_specimens_are_not_shown_beside_spreads(result):
     assert np.ravel(group["y"])[0] == result["value"].sel(
         statistic="spread", quantity="mu", group="soft"
     )
+
+
+def with_a_third_group(result):
+    """Return a comparison of three groups: the third one has the numbers of the first."""
+    third = result.isel(group=[0]).assign_coords(group=["other"])
+    groups = xr.concat([result, third], "group", data_vars="minimal", coords="minimal")
+    pairs = [("soft", "stiff"), ("soft", "other"), ("stiff", "other")]
+    first, second = zip(*pairs, strict=True)
+    return groups.isel(comparison=[0, 0, 0]).assign_coords(
+        comparison=[f"{b} − {a}" for a, b in pairs],
+        first=("comparison", list(first)),
+        second=("comparison", list(second)),
+    )
+
+
+def test_three_groups_have_three_contrasts_on_an_axis_of_their_own(result):
+    figure = ph.plot_comparison(with_a_third_group(result))
+    right = figure.get_viz("plot", "estimation", quantity="mu", panel="contrast")
+    words = [label.get_text().splitlines()[0] for label in right.get_xticklabels()]
+    assert words == ["stiff − soft", "other − soft", "other − stiff"]
+    assert figure.get_viz("nothing", quantity="mu", panel="value") is None
+    ends = result["difference_interval"].sel(statistic="typical", quantity="mu").values.ravel()
+    low, high = right.get_ylim()
+    assert low < min(0, *ends)
+    assert high > max(0, *ends)
 
 
 def test_lines_connect_the_specimens_of_an_animal():
