@@ -113,7 +113,7 @@ def plot_comparison(
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> result = ph.compare_classes(classes, ["mu", "alpha"], effect_prior=None, random_seed=1)
     >>> figure = ph.plot_comparison(result, backend="none")
-    >>> figure.viz["contrast"]["comparison"].sizes["quantity"]
+    >>> figure.viz["contrast"]["estimation"].sizes["quantity"]
     2
     """
     _check(result)

@@ -110,7 +110,7 @@ def rounded(error: float, *values: float) -> list[str]:
 
     Examples
     --------
-    >>> rounded(0.0123, 0.98765, -1), rounded(0.0998, 2), rounded(430, 12345)
+    >>> rounded(0.0123, 0.98765, -1), rounded(0.0998, 2), rounded(430, 12346)
     (['0.988', '−1.000'], ['2.00'], ['12350'])
     >>> rounded(0.0, 1.2345)
     ['1.23']
