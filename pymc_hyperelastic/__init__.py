@@ -63,6 +63,7 @@ from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
+from pymc_hyperelastic.plots.specimens import plot_specimens
 from pymc_hyperelastic.predictions.admissible import is_admissible
 from pymc_hyperelastic.predictions.cards import material_card
 from pymc_hyperelastic.predictions.conditions import Conditions
@@ -145,6 +146,7 @@ __all__ = [
     "plot_class_probability",
     "plot_law_probability",
     "plot_comparison",
+    "plot_specimens",
     "plot_information",
     "plot_calibration_ranks",
     "plot_reliability",

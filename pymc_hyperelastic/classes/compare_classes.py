@@ -120,6 +120,10 @@ def compare_classes(
 
         ``value`` : the statistic of each group, (statistic, group, quantity).
 
+        ``specimen_value`` : the quantity of each measured specimen, (quantity, specimen), given
+        its own curves and its group; with an experiment effect, by the means of the coordinates
+        of its tests. ``specimen_group`` is its group, and with `pair` ``animal`` its animal.
+
         ``difference``, ``ratio`` : (statistic, comparison, quantity). The ratio is NaN for
         logarithms and for values that are not positive.
 

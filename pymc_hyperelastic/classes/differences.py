@@ -82,6 +82,24 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
             "share_rising": (change > 0).mean(axis=-1),
         }.items():
             result[name] = of_comparison, value[None]
+    return result.assign(_of_specimens(of_law, found, names, at))
+
+
+def _of_specimens(
+    of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditions
+) -> xr.Dataset:
+    """Return quantities of the measured specimens of all groups for each draw."""
+    of_groups = [values_of(of_law.kind, found.measured[g], names, at) for g in of_law.groups]
+    values = np.concatenate([np.stack([*v.values()]) for v in of_groups], axis=-1)
+    specimens = [(group, name) for group, own in of_law.names().items() for name in own]
+    groups, labels = zip(*specimens, strict=True)
+    result = xr.Dataset(
+        {"specimens": (("quantity", "pressure", "draw", "specimen"), values)},
+        {"specimen": list(labels), "specimen_group": ("specimen", list(groups))},
+    )
+    if of_law.pairs:
+        animals = [str(animal) for animal, *_ in of_law.pairs] * len(of_law.groups)
+        result = result.assign_coords(animal=("specimen", animals))
     return result
 
 
@@ -144,6 +162,7 @@ def summary(by_draw: xr.Dataset, ci_prob: float) -> xr.Dataset:
         effect = typical / np.sqrt((spreads**2).mean("of"))
         found = {
             "value": draws,
+            "specimen_value": by_draw["specimens"],
             "difference": difference,
             "ratio": ratio,
             "effect_size": effect,

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.classes.covariates import Covariates, pairs_of
 from pymc_hyperelastic.classes.distribution import ClassModel
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.joint import Apart, Joint, Unit, unit_of_pair, unit_of_specimen
+from pymc_hyperelastic.classes.joint import (
+    Apart,
+    Joint,
+    Unit,
+    draws_given,
+    unit_of_pair,
+    unit_of_specimen,
+)
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import standard_specimens
 from pymc_hyperelastic.classes.sensitivity import log_prior_and_likelihood
@@ -44,6 +51,8 @@ class GroupDraws(NamedTuple):
     the typical one."""
     powers: Array
     """Log prior and log likelihood of each draw, shape (2, draw)."""
+    measured: dict[str, Array]
+    """Coordinates of the measured specimens by group, shape (coordinate, draw, specimen)."""
     effects: Array | None = None
     """Change of coordinates per standard deviation of each covariate, shape (covariate, coordinate,
     draw)."""
@@ -85,23 +94,35 @@ class Groups:
                 joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
             )
             standard = standard_specimens(2 * size, specimens)
-            return _of_pairs(self.groups, middle, change, standard, powers)
-        standard = standard_specimens(size, specimens)
+            animals = [*units["pairs"].values()]
+            return _of_pairs(self.groups, middle, change, standard, powers, animals)
+        standard, units = standard_specimens(size, specimens), self._units(self.groups)
         if self.covariates.names:
-            joint, units = self._joint(self.groups, _WEAK_PRIOR), self._units(self.groups)
+            joint = self._joint(self.groups, _WEAK_PRIOR)
             fitted = joint.fit(units, count, 1, seed)
             powers = log_prior_and_likelihood(
                 joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
             )
             distributions = {g: d for g, (d,) in joint.distributions(fitted, count).items()}
             effects = np.array(next(iter(distributions.values())).effects)[..., 0]
-            distributions = {g: d.without_effects() for g, d in distributions.items()}
         else:
             distributions = {g: distributions_of(self.tree[g], count) for g in self.groups}
             effects = None
             powers = np.sum([self._powers(group, count) for group in self.groups], axis=0)
+        measured = {
+            g: np.stack([draws_given(unit, [d])[0] for unit in units[g].values()], axis=-1)
+            for g, d in distributions.items()
+        }
+        distributions = {g: d.without_effects() for g, d in distributions.items()}
         coordinates = {g: d.coordinates(standard.T) for g, d in distributions.items()}
-        return GroupDraws(distributions, coordinates, powers, effects)
+        return GroupDraws(distributions, coordinates, powers, measured, effects)
+
+    def names(self) -> dict[str, list[str]]:
+        """Return the names of the measured specimens of each group, in the order of their draws."""
+        if self.pairs:
+            _, *by_group = zip(*self.pairs, strict=True)
+            return dict(zip(self.groups, map(list, by_group), strict=True))
+        return {group: names_of_specimens(self.tree[group]) for group in self.groups}
 
     def _powers(self, group: str, count: int) -> Array:
         """Return log prior and log likelihood at draws of one group's distribution."""
@@ -169,6 +190,7 @@ def _of_pairs(
     change: ClassDistribution,
     standard: Array,
     powers: Array,
+    animals: Sequence[Unit],
 ) -> GroupDraws:
     """Return draws of both groups from those of the mean and the change of each animal.
 
@@ -181,6 +203,11 @@ def _of_pairs(
     coordinates = {
         g: of_middle + sign * of_change / 2 for g, sign in zip(groups, (-1, 1), strict=True)
     }
+    both = [draws_given(animal, [middle, change]) for animal in animals]
+    measured = {
+        g: np.stack([mean + sign * difference / 2 for mean, difference in both], axis=-1)
+        for g, sign in zip(groups, (-1, 1), strict=True)
+    }
     middle, change = middle.without_effects(), change.without_effects()
     covariance = middle.covariance() + change.covariance() / 4
     distributions = {
@@ -189,7 +216,7 @@ def _of_pairs(
         )
         for g, sign in zip(groups, (-1, 1), strict=True)
     }
-    return GroupDraws(distributions, coordinates, powers, effects)
+    return GroupDraws(distributions, coordinates, powers, measured, effects)
 
 
 def kind_of_groups(tree: xr.DataTree) -> HierarchicalClass:

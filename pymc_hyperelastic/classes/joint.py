@@ -43,6 +43,8 @@ _FIRST_DRAWS = 256
 # Number of posterior draws of the distributions from which the error of the evidence is estimated:
 # enough to decide how many draws of each unit are needed.
 _DISTRIBUTIONS = 200
+# Seed of the choice of a specimen's draws: fixed, so that every call returns the same draws.
+_SEED = 1
 
 
 class Apart(NamedTuple):
@@ -97,6 +99,26 @@ def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array)
     return Unit(
         (middle, change), log_weight, float(np.hypot(first.standard_error, second.standard_error))
     )
+
+
+def draws_given(
+    unit: Unit, distributions: Sequence[ClassDistribution], count: int = 1
+) -> tuple[Array, ...]:
+    r"""Return coordinates (coordinate, draw) of the parts of a unit, given their distributions.
+
+    For each draw ``φ`` of the distributions, the weighted draw ``x_i`` of the unit is chosen with
+    probability ``∝ w_i p(x_i | φ)``. If the distributions have a single draw, `count` draws are
+    chosen under it. Equal arguments give equal draws.
+
+    With an experiment effect, the coordinates of a specimen are the means over its tests.
+    """
+    pairs = zip(unit.parts, distributions, strict=True)
+    log_weight = unit.log_weight + sum(log_densities(part, of_part) for part, of_part in pairs)
+    log_weight = np.broadcast_to(log_weight, (max(count, len(log_weight)), log_weight.shape[1]))
+    # Gumbel-max trick: the argmax of log weights plus Gumbel noise is a categorical draw.
+    noise = np.random.default_rng(_SEED).gumbel(size=log_weight.shape)
+    chosen = (log_weight + noise).argmax(axis=1)
+    return tuple(part.centre[:, chosen] for part in unit.parts)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""Differences between groups: how large they are, and how well they classify one specimen."""
+"""Differences between groups beside the specimens of the groups: an estimation plot."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -10,78 +10,102 @@ import xarray as xr
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Curve, band_rows
+from pymc_hyperelastic.plots.labels import quantity_label, rounded
 from pymc_hyperelastic.plots.properties import draw_over_pressure
-from pymc_hyperelastic.plots.rows import (
-    draw_lines,
-    draw_points,
-    draw_verticals,
-    heights,
-    row_panels,
-)
 from pymc_hyperelastic.plots.style import (
-    MARKERS,
     Backend,
     Canvas,
     Visuals,
     Wishes,
     check_table,
+    literal,
+    log_axis,
+    stacked,
+    ticks_on_the_right,
 )
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_PANELS = ("effect_size", "best_accuracy")
 _ORIGIN = "ph.compare_classes"
-_ROW = 0.3  # inches of a quantity, and of each comparison of it
-# Statistics of the curves of a group, and how they begin the label of an axis.
-_STATISTICS = {"typical": "", "mean": "mean of\n", "spread": "spread of\n"}
+_PANELS = ("value", "contrast")
+_HEIGHT = 2.2  # inches of the panels of a quantity
+_OF_ONE = 1.15  # inches of a group
+_NARROWEST = 1.3  # inches of a comparison at least
+_LETTER = 0.083  # inches of a letter below a comparison
+# Places in the column of a group, whose middle is 0 and whose width is 1.
+_FIRST, _LAST, _OF_GROUP = -0.36, 0.1, 0.32
+_MARGIN = 0.06  # between the outermost value and the end of an axis, as a part of the range
+_DARK, _PALE, _LINE = "0.1", "0.6", "0.75"
+# Statistics of a group: how they are called, and how they begin the label of an axis of curves.
+_STATISTICS = {
+    "typical": ("typical specimen", ""),
+    "mean": ("mean of the group", "mean of\n"),
+    "spread": ("spread of the group", "spread of\n"),
+}
+# Contrasts of two groups, and how they are written.
+_CONTRASTS = {"difference": "−", "ratio": "/"}
 
 
 @one_thread
 def plot_comparison(
     result: xr.Dataset,
     *,
-    statistic: str = "typical",
+    statistic: Literal["typical", "mean", "spread"] = "typical",
+    contrast: Literal["difference", "ratio"] = "difference",
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
 ) -> PlotCollection:
-    """Plot differences between groups, or their curves if several pressures were compared.
+    """Plot the specimens of groups, and differences between the groups, as an estimation plot [1]_.
 
-    Each quantity has a row. On the left stands the difference of the typical specimens, in units of
-    the spread between specimens; on the right how often one would be right, at best, about the
-    group of a single new specimen by this quantity: ½ is chance. Points are medians, lines
-    intervals.
+    Each quantity has a row. The left panel shows each specimen as a point with a thin interval, and
+    beside the specimens of a group its typical specimen, with a thick interval. The right panel
+    shows the difference, or the ratio, of two groups with its interval; the line is no difference.
+    The two axes of two groups are aligned: no difference is at the height of the first group, and
+    the difference at that of the second. Points are posterior medians.
 
     If several pressures were compared, each quantity has a panel instead, with the median and an
-    interval for each group.
+    interval for each group over the pressure.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of :func:`pymc_hyperelastic.compare_classes`.
     statistic : {"typical", "mean", "spread"}
-        What curves show: the typical specimen, the mean over specimens, or their spread.
+        What is compared: the typical specimen, the mean over specimens, or their spread, beside
+        which specimens are not shown.
+    contrast : {"difference", "ratio"}
+        Whether the right panel shows ``second − first`` or ``second / first``. A quantity without a
+        ratio, such as a logarithm, shows its difference.
     backend, visuals, **pc_kwargs
-        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``points``, ``interval``,
-        ``nothing`` (the line of no difference), ``xlabel`` and ``legend``; of curves ``band``,
-        ``median``, ``xlabel``, ``ylabel`` and ``legend``.
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``specimen_interval``,
+        ``specimens``, ``animals`` (lines between specimens of one animal), ``interval``,
+        ``groups``, ``contrast_interval``, ``contrast``, ``nothing`` (the line of no difference),
+        ``ylabel`` and ``legend``; of curves ``band``, ``median``, ``xlabel``, ``ylabel`` and
+        ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        With the dimensions ``panel``, ``quantity`` and ``comparison``; of curves its variables are
-        the quantities.
+        A grid with the dimensions ``quantity`` and ``panel`` ("value" and "contrast"); visuals have
+        the dimensions ``group``, ``specimen`` and ``comparison``. Variables of curves are the
+        quantities.
 
     Raises
     ------
     TypeError, ValueError
         If `result` is no result of :func:`~pymc_hyperelastic.compare_classes`, or the statistic,
-        the backend or a visual is unknown.
+        the contrast, the backend or a visual is unknown.
 
     See Also
     --------
-    compare_classes
+    compare_classes, plot_specimens
+
+    References
+    ----------
+    .. [1] J. Ho, T. Tumkaya, S. Aryal, H. Choi and A. Claridge-Chang, Moving beyond P values: data
+       analysis with estimation graphics, Nature Methods 16 (2019) 565-566.
 
     Examples
     --------
@@ -89,63 +113,218 @@ def plot_comparison(
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> result = ph.compare_classes(classes, ["mu", "alpha"], effect_prior=None, random_seed=1)
     >>> figure = ph.plot_comparison(result, backend="none")
-    >>> figure.viz["points"]["difference"].sizes["quantity"]
+    >>> figure.viz["contrast"]["estimation"].sizes["quantity"]
     2
     """
-    check_table(result, _ORIGIN, "draws", *_PANELS, "effect_size_interval", "overlap_interval")
-    check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic")
-    for name in ("effect_size_interval", "overlap_interval"):
-        if result[name].sizes.get("bound") != 2:
-            raise damaged(result, f"{name!r} has no two bounds: {dict(result[name].sizes)}")
-    if statistic not in _STATISTICS:
-        raise ValueError(f"statistic must be one of {list(_STATISTICS)}, not {statistic!r}")
+    _check(result)
+    for name, given, known in (
+        ("statistic", statistic, _STATISTICS),
+        ("contrast", contrast, _CONTRASTS),
+    ):
+        if given not in known:
+            raise ValueError(f"{name} must be one of {list(known)}, not {given!r}")
     wishes, ci_prob = (backend, visuals, pc_kwargs), read_number(result, "interval")
-    law, comparisons = read_text(result, "strain_energy"), result["comparison"].values.tolist()
+    law = read_text(result, "strain_energy")
     if "pressure" in result.dims:
         canvas = _curves(result, statistic, ci_prob, wishes)
         canvas.title([result.attrs], law)
     else:
-        canvas, held = _rows(result, wishes), f"median and {100 * ci_prob:.3g} % of the posterior"
-        comparison = str(comparisons[0]) if len(comparisons) == 1 else None
-        canvas.title([result.attrs], law, comparison, held)
+        canvas = _estimation(result, statistic, contrast, wishes)
+        at = float(result["pressure"]) if "pressure" in result.coords else 0.0
+        where = f"at {at:.4g} {read_text(result, 'pressure_unit')}" if at else None
+        held = f"median and {100 * ci_prob:.3g} % of the posterior"
+        canvas.title([result.attrs], law, where, held)
     return canvas.collection
 
 
-def _rows(result: xr.Dataset, wishes: Wishes) -> Canvas:
-    """Draw differences and accuracies as rows."""
-    # A larger overlap means a smaller accuracy.
-    accuracy = 1 - result["overlap_interval"].isel(bound=[1, 0]) / 2
-    low, high = (
-        _in_panels(result["effect_size_interval"].isel(bound=i), accuracy.isel(bound=i))
-        for i in (0, 1)
-    )
-    value = _in_panels(*(result[name] for name in _PANELS))
-    names = [str(name) for name in result["quantity"].values.tolist()]
-    several = result.sizes["comparison"]
-    canvas = row_panels(
-        value.fillna(0.0).to_dataset(name="difference"),
-        "points interval nothing xlabel legend",
+def _check(result: Any) -> None:
+    """Raise unless this is a whole result of a comparison."""
+    both = [f"{name}{end}" for name in ("value", *_CONTRASTS) for end in ("", "_interval")]
+    both += [f"{name}_sd" for name in _CONTRASTS]
+    check_table(result, _ORIGIN, "draws", "specimen_value", "specimen_value_interval", *both)
+    check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic", "specimen_group")
+    for name in ("value_interval", "specimen_value_interval"):
+        if result[name].sizes.get("bound") != 2:
+            raise damaged(result, f"{name!r} has no two bounds: {dict(result[name].sizes)}")
+
+
+def _estimation(result: xr.Dataset, statistic: str, contrast: str, wishes: Wishes) -> Canvas:
+    """Draw specimens and groups on the left, and their contrasts on the right."""
+    specimens, groups = _by_group(result), result.sel(statistic=statistic, drop=True)
+    if statistic == "spread":
+        specimens = specimens.isel(specimen=slice(0))
+    contrasts = _contrasts(groups, contrast)
+    sizes = {dim: result.sizes[dim] for dim in ("quantity", "group", "comparison")}
+    words = {name: _words_of(groups, contrasts.sel(quantity=name)) for name in _names_of(result)}
+    longest = max(len(line) for text in words.values() for w in text for line in w.splitlines())
+    of_comparison = max(_NARROWEST, _LETTER * longest)
+    widths = [_OF_ONE * sizes["group"], of_comparison * sizes["comparison"]]
+    panels = xr.Dataset(coords={name: result[name].values for name in sizes})
+    panels = panels.assign_coords(panel=list(_PANELS), specimen=specimens["specimen"].values)
+    drawn = xr.DataArray(0.0, panels.coords, panels.dims, "estimation")
+    canvas = Canvas(
+        "grid",
+        drawn.to_dataset(),
+        "specimen_interval specimens animals interval groups contrast_interval contrast nothing "
+        "ylabel legend",
         wishes,
-        names,
-        _ROW * (1 + several) / 2,
-        aes={"color": ["comparison"], "marker": ["comparison"], "overlay": ["quantity"]},
-        marker=MARKERS,
+        (sum(widths) + 1.4, _HEIGHT * sizes["quantity"] + 0.8),
+        {"width_ratios": widths},
+        rows=["quantity"],
+        cols=["panel"],
+        aes={"color": ["group"], "overlay": ["specimen", "comparison"]},
     )
-    draw_verticals(canvas, "nothing", {"effect_size": 0.0, "best_accuracy": 0.5})
-    places = np.linspace(0.3, -0.3, several) if several > 1 else [0.0]
-    y = heights("quantity", len(names)) + xr.DataArray(places, dims="comparison")
-    draw_lines(canvas, "interval", (low, high), y, ignore_aes={"marker"})
-    draw_points(canvas, "points", value, y)
-    canvas.adjust("set_xlim", limits=(0.48, 1.02), coords={"panel": "best_accuracy"})
-    marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
-    canvas.legend(canvas.entries("comparison", "", "color", "marker", **marks))
+    _draw_groups(canvas, specimens, groups, "animal" in result.coords)
+    _draw_contrasts(canvas, contrasts, groups)
+    _set_axes(canvas, result, words, [specimens, groups, contrasts])
+    of_one = {"marker": "o", "color": _PALE, "linestyle": "none", "markersize": 4}
+    entries = {"specimen": of_one} if specimens.sizes["specimen"] else {}
+    if entries and "animal" in result.coords:
+        entries["same animal"] = {"color": _LINE, "linewidth": 0.7}
+    of_group = {"marker": "s", "color": _DARK, "linewidth": 2, "markersize": 5}
+    canvas.legend(entries | {_STATISTICS[statistic][0]: of_group})
     return canvas
 
 
-def _in_panels(*of_panels: xr.DataArray) -> xr.DataArray:
-    """Join the numbers of both panels."""
-    panel = xr.DataArray(list(_PANELS), dims="panel", name="panel")
-    return xr.concat([each.reset_coords(drop=True) for each in of_panels], panel)
+def _by_group(result: xr.Dataset) -> xr.Dataset:
+    """Specimens, or animals of pairs, in the dimensions group and specimen; NaN where none is.
+
+    ``x`` is the place of a specimen on the axis, in the order of the specimens of its group.
+    """
+    label = "animal" if "animal" in result.coords else "specimen"
+    found = result[["specimen_value", "specimen_value_interval"]].transpose(..., "bound")
+    labels, parts = result[label].values, []
+    for i, group in enumerate(result["group"].values.tolist()):
+        own = np.flatnonzero(result["specimen_group"] == group)
+        part = found.isel(specimen=own).reset_coords(drop=True).drop_vars("specimen")
+        places = np.linspace(_FIRST, _LAST, len(own)) if len(own) != 1 else [(_FIRST + _LAST) / 2]
+        part = part.assign(x=("specimen", i + np.array(places)))
+        parts.append(part.assign_coords(specimen=labels[own]))
+    group = xr.DataArray(result["group"].values, dims="group", name="group")
+    return xr.concat(parts, group, join="outer")
+
+
+def _contrasts(groups: xr.Dataset, contrast: str) -> xr.Dataset:
+    """Median, ends and error of the contrast of each comparison; True where it is a ratio."""
+    is_ratio = groups["ratio"].notnull().all("comparison") & (contrast == "ratio")
+    return xr.Dataset(
+        {
+            name: xr.where(is_ratio, groups[f"ratio{end}"], groups[f"difference{end}"])
+            for name, end in (("median", ""), ("interval", "_interval"), ("sd", "_sd"))
+        }
+        | {"is_ratio": is_ratio, "nothing": is_ratio.astype(float)}
+    )
+
+
+def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, paired: bool) -> None:
+    """Draw specimens, lines between those of an animal, and the groups beside them."""
+    left: dict[str, Any] = {"coords": {"panel": "value"}}
+    if specimens.sizes["specimen"]:
+        x, y, interval = (specimens[n] for n in ("x", "specimen_value", "specimen_value_interval"))
+        if paired:
+            line = _stacked(x=x, y=y).rename(group="end").drop_vars("end", errors="ignore")
+            plain = {"color": _LINE, "ignore_aes": {"color"}}
+            canvas.draw("animals", "line_xy", data=line, width=0.7, **plain, **left)
+        line = _stacked(x=x, y=interval)
+        canvas.draw("specimen_interval", "line_xy", data=line, width=0.7, alpha=0.6, **left)
+        canvas.draw("specimens", "scatter_xy", data=_stacked(x=x, y=y), size=14, **left)
+    place = np.arange(groups.sizes["group"]) + _OF_GROUP
+    x = xr.DataArray(place, {"group": groups["group"]}, "group")
+    line = _stacked(x=x, y=groups["value_interval"])
+    canvas.draw("interval", "line_xy", data=line, width=2.2, **left)
+    middle = {"size": 32, "marker": "s", **left}
+    canvas.draw("groups", "scatter_xy", data=_stacked(x=x, y=groups["value"]), **middle)
+
+
+def _draw_contrasts(canvas: Canvas, contrasts: xr.Dataset, groups: xr.Dataset) -> None:
+    """Draw contrasts with their intervals, and the line of no difference in both panels."""
+    first = groups["value"].isel(group=0, drop=True)
+    # Of more than two groups, the line would be that of some contrasts only.
+    first = first.where(groups.sizes["group"] == 2)
+    panels = xr.DataArray([*_PANELS], dims="panel", name="panel")
+    both = [n.reset_coords(drop=True) for n in (first, contrasts["nothing"])]
+    lines = xr.concat(both, panels).to_dataset(name="estimation")
+    settings: dict[str, Any] = {"color": _PALE, "width": 0.8, "linestyle": "--"}
+    canvas.draw("nothing", "hline", data=lines, ignore_aes="all", **settings)
+    place = np.arange(float(contrasts.sizes["comparison"]))
+    x = xr.DataArray(place, {"comparison": contrasts["comparison"]}, "comparison")
+    right: dict[str, Any] = {"coords": {"panel": "contrast"}, "color": _DARK}
+    right["ignore_aes"] = {"color"}
+    line = _stacked(x=x, y=contrasts["interval"])
+    canvas.draw("contrast_interval", "line_xy", data=line, width=2.2, **right)
+    points = _stacked(x=x, y=contrasts["median"])
+    canvas.draw("contrast", "scatter_xy", data=points, size=32, **right)
+
+
+def _stacked(**arrays: xr.DataArray) -> xr.Dataset:
+    return stacked("estimation", **arrays)
+
+
+def _set_axes(
+    canvas: Canvas, result: xr.Dataset, words: dict[str, list[str]], tables: list[xr.Dataset]
+) -> None:
+    """Set limits, ticks and labels of the axes."""
+    of_groups = []
+    for group in result["group"].values.tolist():
+        count = int((result["specimen_group"] == group).sum())
+        of_groups.append(f"{literal(group)}\n($n$ = {count})")
+    law = read_text(result, "strain_energy")
+    for name, of_contrasts in words.items():
+        of_one = [table.sel(quantity=name) for table in tables]
+        ticks = of_groups, of_contrasts
+        for panel, ends, labels in zip(_PANELS, _limits(*of_one), ticks, strict=True):
+            where: dict[str, Any] = {"coords": {"quantity": name, "panel": panel}}
+            if of_one[-1]["is_ratio"]:
+                canvas.adjust(log_axis, ends=ends, **where)
+            canvas.adjust("set_ylim", limits=ends, **where)
+            canvas.adjust("set_xlim", limits=(-0.5, len(labels) - 0.5), **where)
+            canvas.adjust("set_xticks", values=range(len(labels)), labels=labels, **where)
+            if panel == "value":
+                canvas.label("ylabel", quantity_label(name, law), **where)
+            else:
+                canvas.adjust(ticks_on_the_right, **where)
+
+
+def _names_of(result: xr.Dataset) -> list[str]:
+    return [str(name) for name in result["quantity"].values]
+
+
+def _words_of(groups: xr.Dataset, contrasts: xr.Dataset) -> list[str]:
+    """Name and number of each contrast of a quantity, below its point."""
+    sign = _CONTRASTS["ratio" if contrasts["is_ratio"] else "difference"]
+    words = []
+    for i, (first, second) in enumerate(zip(groups["first"], groups["second"], strict=True)):
+        own = contrasts.isel(comparison=i)
+        numbers = float(own["median"]), *own["interval"].values.tolist()
+        median, low, high = rounded(float(own["sd"]), *numbers)
+        of_both = f"{literal(second.item())} {sign} {literal(first.item())}"
+        words.append(f"{of_both}\n{median} ({low} to {high})")
+    return words
+
+
+def _limits(
+    specimens: xr.Dataset, groups: xr.Dataset, contrasts: xr.Dataset
+) -> list[tuple[float, float]]:
+    """Ends of both vertical axes of a quantity, which are aligned for two groups."""
+    forth, back = (np.log, np.exp) if contrasts["is_ratio"] else (np.array, np.array)
+    left = [specimens["specimen_value_interval"], groups["value_interval"]]
+    right = [contrasts["interval"], contrasts["nothing"]]
+    ends = np.zeros((2, 2))
+    for of_axis, shown in zip(ends, (left, right), strict=True):
+        values = np.concatenate([forth(values.values).ravel() for values in shown])
+        values = values[np.isfinite(values)]
+        if values.size:
+            of_axis[:] = values.min(), values.max()
+    first = float(forth(groups["value"].values[0]))
+    aligned = groups.sizes["group"] == 2 and np.isfinite(first)
+    if aligned:
+        ends[1] += first
+        ends[:] = ends[:, 0].min(), ends[:, 1].max()
+    size = np.diff(ends) * _MARGIN
+    ends += np.where(size > 0, size, 1.0) * [-1, 1]
+    if aligned:
+        ends[1] -= first
+    return [(float(low), float(high)) for low, high in back(ends)]
 
 
 def _curves(result: xr.Dataset, statistic: str, ci_prob: float, wishes: Wishes) -> Canvas:
@@ -156,8 +335,8 @@ def _curves(result: xr.Dataset, statistic: str, ci_prob: float, wishes: Wishes) 
     curves = [
         Curve(name, (group,), band_rows(pressure, draws.sel(of_one).values, ci_prob))
         for group in groups
-        for name in result["quantity"].values.tolist()
+        for name in _names_of(result)
         for of_one in [{"group": group, "quantity": name}]
     ]
     unit = read_text(result, "pressure_unit")
-    return draw_over_pressure(curves, groups, ci_prob, unit, wishes, _STATISTICS[statistic])
+    return draw_over_pressure(curves, groups, ci_prob, unit, wishes, _STATISTICS[statistic][1])

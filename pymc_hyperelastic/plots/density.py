@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,14 +11,14 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.stored import damaged, read_json, read_numbers
-from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Array
-from pymc_hyperelastic.plots.labels import LABELS
+from pymc_hyperelastic.plots.labels import LABELS, parameter_of
 from pymc_hyperelastic.plots.style import (
+    LOG_FROM,
     Backend,
     Canvas,
     Visuals,
@@ -41,8 +40,6 @@ _NUISANCE = (
     "force_offset_sd force_offset_mean force_offset_error diameter_sd slope_weight "
     "experiment_spread effect_spread correlation_unit"
 ).split()
-# Ratio of the ends of an axis of logarithms from which it is logarithmic.
-_LOG_FROM = 10.0
 _EXTREMES = [0.005, 0.995]  # quantiles outside of which draws are stray, and no mode
 # Probability that axes hold at least, where all regions hold less.
 _LEAST_SHOWN = 0.5
@@ -232,19 +229,11 @@ def _axis_label(tree: xr.DataTree, name: str) -> str:
     if not all(isinstance(unit, str) for unit in units.values()):
         raise damaged(tree, f"its attribute 'units' is {shown(units)}; expected names of units")
     words, unit = LABELS.get(name, (name, None))
-    parameter = _parameter(tree, name)
+    parameter = parameter_of(tree.attrs.get("strain_energy"), name)
     if parameter is not None:
         words, unit = f"${parameter.symbol}$", parameter.unit
     unit = units.get(name, unit)
     return f"{words} ({unit.replace('mm2', 'mm²')})" if unit else words
-
-
-def _parameter(tree: xr.DataTree, name: str) -> Parameter | None:
-    """The parameter of the law that has this name; a user's own law may not be defined here."""
-    with suppress(ValueError):
-        law = StrainEnergy.from_name(tree.attrs.get("strain_energy", ""))
-        return next((p for p in law.parameters if p.name == name), None)
-    return None
 
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
@@ -309,7 +298,9 @@ def _draw_regions(canvas: Canvas, regions: xr.Dataset, by_log: NDArray[np.bool_]
 
 def _is_log(tree: xr.DataTree, name: str) -> bool:
     """Return True if specimens are normal in the logarithm of this parameter."""
-    parameter = _parameter(tree, name.split("[")[0]) if specimens_differ(tree) else None
+    if not specimens_differ(tree):
+        return False
+    parameter = parameter_of(tree.attrs.get("strain_energy"), name.split("[")[0])
     return parameter is not None and parameter.natural_scale == "log"
 
 
@@ -367,7 +358,7 @@ def _limit(canvas: Canvas, ends: xr.DataArray, by_log: NDArray[np.bool_]) -> Non
         limits = np.array([ends.min(rest).isel(axis=axis), ends.max(rest).isel(axis=axis)])
         if by_log[axis]:
             limits = np.exp(limits)
-            if (limits[1] > _LOG_FROM * limits[0]).any():
+            if (limits[1] > LOG_FROM * limits[0]).any():
                 canvas.adjust(f"set_{name}scale", scale="log")
         for i, ends_of_part in enumerate(limits.T.tolist()):
             canvas.adjust(f"set_{name}lim", limits=tuple(ends_of_part), coords={part: i})

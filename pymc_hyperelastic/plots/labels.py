@@ -1,11 +1,19 @@
-"""Words, symbols and units by which figures name quantities."""
+"""Words, symbols, units and rounded numbers in figures."""
 
+import re
+from contextlib import suppress
+from math import floor, inf, log10
 from textwrap import fill
 
+from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
 # Letters of a line of a label.
 _WIDTH = 24
+# Significant digits of a value that has no error.
+_DIGITS = 3
+# Decimals at most: an error of rounding is no error of a result.
+_MOST_DECIMALS = 12
 # Name of a quantity: words of its axis, and the unit of its numbers; None if it has none.
 LABELS: dict[str, tuple[str, str | None]] = {
     name: (
@@ -31,8 +39,7 @@ LABELS |= {
     # Measures by which laws, groups and planned tests are compared.
     "probability": ("probability", None),
     "log_evidence": ("log evidence less the largest", "nats"),
-    "effect_size": ("difference of typical specimens\n(spreads between specimens)", None),
-    "best_accuracy": ("right answers, at best,\nabout a single specimen", None),
+    "p_value": ("p-value", None),
     "information": ("expected information", "nats"),
     "difference": ("less than the first", "nats"),
     # Labels by which curves differ.
@@ -64,3 +71,53 @@ def words(name: str) -> str:
     ('axial stretch', 'specimen')
     """
     return LABELS[name][0].split(" $")[0]
+
+
+def quantity_label(name: str, law: str | None, pressure_unit: str = "kPa") -> str:
+    r"""Label of an axis: a property, a parameter of the law, a coordinate, or a logarithm.
+
+    Examples
+    --------
+    >>> quantity_label("mu", "Ogden"), quantity_label("log_reference_strain", "Ogden")
+    ('$\\mu$ (kPa)', 'log reference strain')
+    >>> quantity_label("log stiffness", "Ogden")
+    'log of stiffness $\\mathrm{d}p/\\mathrm{d}a$ (kPa/mm)'
+    """
+    if name.startswith("log "):
+        return f"log of {quantity_label(name.removeprefix('log '), law, pressure_unit)}"
+    parameter = parameter_of(law, name.partition("[")[0])
+    if parameter is None:
+        return axis_label(name, pressure_unit) if name in LABELS else name.replace("_", " ")
+    entry = name.removeprefix(parameter.name)
+    label = f"${parameter.symbol}${entry}"
+    return f"{label} ({parameter.unit})" if parameter.unit else label
+
+
+def parameter_of(law: str | None, name: str) -> Parameter | None:
+    """The parameter of a law by its name; None if the law, such as a user's own, is not defined.
+
+    If the text names several laws, the first one counts.
+    """
+    first = re.match(r"\w*", law or "")
+    with suppress(ValueError):
+        energy = StrainEnergy.from_name(first.group() if first else "")
+        return next((p for p in energy.parameters if p.name == name), None)
+    return None
+
+
+def rounded(error: float, *values: float) -> list[str]:
+    """Numbers as they are printed: with as many decimals as two digits of their error need.
+
+    Examples
+    --------
+    >>> rounded(0.0123, 0.98765, -1), rounded(0.0998, 2), rounded(430, 12346)
+    (['0.988', '−1.000'], ['2.00'], ['12350'])
+    >>> rounded(0.0, 1.2345)
+    ['1.23']
+    """
+    if not 0 < error < inf:
+        return [f"{value:.{_DIGITS}g}".replace("-", "−") for value in values]
+    # An error of 0.0998 is printed as 0.10.
+    decimals = min(1 - floor(log10(float(f"{error:.1e}"))), _MOST_DECIMALS)
+    texts = [f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}" for value in values]
+    return [text.replace("-", "−").replace("inf", "∞") for text in texts]

@@ -11,6 +11,7 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.plots.labels import rounded
 from pymc_hyperelastic.plots.rows import draw_lines, draw_points, heights, row_panels
 from pymc_hyperelastic.plots.style import (
     DOUBT,
@@ -31,6 +32,7 @@ _PANELS = ("probability", "log_evidence")
 _NEEDED = ("log_evidence", "log_evidence_se", "probability", "probability_se")
 _ORIGIN = "ph.classify(..., average_over=...)"
 _WIDEST = 26  # letters of a line of a law's name
+_OF_DIFFERENCES = 0.1  # nats: exact differences of log evidences have two decimals
 _LINE = 0.17  # inches that such a line is high
 
 
@@ -235,8 +237,9 @@ def _number(value: float, error: float, known: bool, panel: str) -> str:
         return "cannot be judged"
     if panel == "probability":
         return rounded_probability(value, error)
-    number = f"{round(value, 2) + 0.0:.2f}".replace("-", "−").replace("inf", "∞")
-    return f"{number} ± {error:.2f}" if error else number
+    if error:
+        return " ± ".join(rounded(error, value, error))
+    return rounded(_OF_DIFFERENCES, value)[0]
 
 
 def _write(da: xr.DataArray, target: Any, *, text: Any, known: Any, **settings: Any) -> Any:

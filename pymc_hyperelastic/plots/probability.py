@@ -11,6 +11,7 @@ import xarray as xr
 from pymc_hyperelastic.evidence.stored import damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.labels import axis_label
+from pymc_hyperelastic.plots.rows import draw_lines, draw_points, heights, row_ticks
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
@@ -19,16 +20,20 @@ from pymc_hyperelastic.plots.style import (
     check_table,
     literal,
     rounded_probability,
-    set_yticks,
     stacked,
 )
-from pymc_hyperelastic.rounding import ROUNDING
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Rows and columns of panels of a single result.
-_MOST_ROWS, _MOST_COLUMNS = 8, 4
+_WIDTHS = {"probability": 2.6, "p_value": 1.2}  # inches of the panels
+_LETTER = 0.08  # inches of a letter of the names and decisions beside the panels
+# Inches of a row: for each class, and between rows.
+_OF_CLASS, _BETWEEN = 0.09, 0.1
+_FILLED = 0.4  # part of a row above and below its middle that bars fill
+# Places on the axis of probabilities: the mark of the true class, and the words.
+_TRUE, _WORDS = 1.035, 1.08
+_STRONG, _WEAK = 0.75, 0.25  # opacity of bars: of a decision for a class, and of other answers
 
 
 @one_thread
@@ -41,31 +46,36 @@ def plot_class_probability(
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
 ) -> PlotCollection:
-    """Plot the probability of each class: a panel for each new experiment, a bar for each class.
+    """Plot the probability of each class for new specimens: a row for each, a bar for each class.
 
-    The decision stands above the bars, in another colour where it is no class ("undecided", "none
-    of these", "cannot be judged"). If classes have variability, a diamond beside each bar is the
-    p-value: near 0 no specimen of the class looks like this one, however probable the class is
-    among those given.
+    The decision stands beside the bars, with the probability of its class; "undecided", "none of
+    these" and "cannot be judged" have another colour, and their bars are pale. Probabilities whose
+    error is infinite have no bar. A triangle marks the true class, if it is known.
+
+    If classes have variability, a second panel shows the p-values: near 0 no specimen of the class
+    looks like this one, however probable the class is among those given.
 
     Parameters
     ----------
     result : xarray.Dataset or dict of str to xarray.Dataset
-        Result of :func:`pymc_hyperelastic.classify`. The results of a dict, such as one of strain
-        energies, have a column each; the panels of a single result share a few columns. Experiments
-        that are not classified yet (NaN) have no bar.
+        Result of :func:`pymc_hyperelastic.classify`, or a result of
+        :func:`pymc_hyperelastic.cross_validate` for one strain energy. The results of a dict, such
+        as one of strain energies, have panels of their own. Experiments that are not classified yet
+        (NaN) have no bar.
     undecided_below, none_below : float, optional
         Limits drawn as lines unless 0, that of the probability and that of the p-values; when
         missing those that :func:`pymc_hyperelastic.classify` was given.
     backend, visuals, **pc_kwargs
-        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``bar``, ``error`` (one
-        standard error to each side), ``number``, ``p_value``, ``p_number``, ``undecided_below``,
-        ``none_below`` (the lines), ``xlabel``, ``ylabel``, ``title`` (of a panel) and ``legend``.
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``bar``, ``doubtful`` (bars
+        of a decision that is no class), ``error`` (one standard error to each side), ``true``,
+        ``decision`` (the words), ``p_value``, ``undecided_below``, ``none_below`` (the lines),
+        ``xlabel``, ``title`` (of a model) and ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        With the dimensions ``test`` or ``specimen`` and ``model`` (panels), and ``class_label``.
+        With the dimensions ``model`` and ``panel`` ("probability" and "p_value"), ``test`` or
+        ``specimen``, and ``class_label``.
 
     Raises
     ------
@@ -88,123 +98,179 @@ def plot_class_probability(
     ...     {"specimen": ["S1"], "class_label": ["C1", "C2"]},
     ... )
     >>> figure = ph.plot_class_probability(result, backend="none")
-    >>> figure.get_viz("number", class_label="C1")["string"]
-    '0.900'
+    >>> figure.get_viz("decision", specimen="S1")["string"]
+    'C1 0.900 ± 0.020'
     """
     several = isinstance(result, Mapping) and not isinstance(result, xr.Dataset)
-    results: dict[str, Any] = dict(result) if several else {"": result}
+    given_results: dict[str, Any] = dict(result) if several else {"": result}
+    results = {name: _with_errors(of_model) for name, of_model in given_results.items()}
     labels = [_labels(of_model) for of_model in results.values()]
     given = {"undecided_below": undecided_below, "none_below": none_below}
     limits = _limits(given, next(iter(results.values())))
-    row, headings, classes = labels[0]
+    row, headings, classes, _ = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
-    drawn = ["class_probability", "class_probability_se", "p_value"]
-    tables = [r[[name for name in drawn if name in r]] for r in results.values()]
-    table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
-    table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
-    panels = _panels(results, headings)
-    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), _MOST_COLUMNS)
-    longest = max(len(line) for *_, title, _ in panels for line in title.splitlines())
-    of_class = 0.95 if "p_value" in table else 0.55
-    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
-    rows = -(-len(panels) // columns)
+    table = _table(results, *labels[0])
+    panels = [name for name in _WIDTHS if name in table]
+    widths = [_WIDTHS[panel] for panel in panels]
+    letters = [max(map(len, texts)) for texts in (headings, table["words"].values.ravel())]
+    width = sum(widths) + _LETTER * sum(letters) + 0.3
+    of_row = _OF_CLASS * len(classes) + _BETWEEN
+    height = of_row * (len(headings) + 0.2) + 1.35
+    drawn = table["probability"].fillna(0.0).expand_dims(panel=panels)
     canvas = Canvas(
         "wrap",
-        table[["class_probability"]],
-        f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
+        drawn.to_dataset(name="classes"),
+        f"bar doubtful error true decision p_value {' '.join(limits)} xlabel title legend",
         (backend, visuals, pc_kwargs),
-        (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7),
-        # If panels shared an axis, the one above an empty place would have no ticks.
-        {"sharex": len(panels) % columns == 0, "sharey": True},
-        cols=[row, "model"],
-        col_wrap=columns,
-        aes={"color": ["class_label"]},
+        (width, height * len(results)),
+        {"sharey": True, "width_ratios": widths},
+        cols=["model", "panel"],
+        col_wrap=len(panels),
+        aes={"color": ["class_label"], "overlay": [row, "class_label"]},
     )
-    entries = _draw_bars(canvas, table, limits)
-    # Panels without bars have axes, too.
-    everywhere = {"data": table[["class_probability"]].fillna(0.0)}
-    canvas.adjust("set_ylim", limits=(0, 1), **everywhere)
-    canvas.adjust("set_xlim", limits=(-0.6, len(classes) - 0.4), **everywhere)
-    canvas.adjust(set_yticks, values=[0, 0.5, 1], labels=["0", "0.5", "1"], **everywhere)
-    ticks = {"values": range(len(classes)), "labels": [*map(literal, classes)]}
-    canvas.adjust("set_xticks", **ticks, **everywhere)
-    for i, (heading, model, title, colour) in enumerate(panels):
-        where = {"coords": {row: heading, "model": model}}
-        canvas.label("title", title, size="small", loc="left", color=colour, **where)
-        if i + columns >= len(panels):
-            law = model or read_text(results[model], "strain_energy", None)
-            canvas.label("xlabel", f"class ({law})" if law else "class", **where)
-        if i % columns == 0:
-            canvas.label("ylabel", axis_label("probability"), **where)
-    canvas.legend(entries)
-    canvas.title([r.attrs for r in results.values()], "class probabilities")
+    rows = heights(row, len(headings))
+    places = np.linspace(_FILLED, -_FILLED, 2 * len(classes) + 1)[1::2]
+    y = rows + xr.DataArray(places, dims="class_label")
+    # A bar fills its part of the row; 72 points are an inch.
+    _draw_bars(canvas, table, y, 72 * of_row * 2 * _FILLED / len(classes))
+    _draw_decisions(canvas, table, rows)
+    entries = _legend_of(table) | _draw_limits(canvas, table, limits)
+    for model in results:
+        law = model or read_text(results[model], "strain_energy", None)
+        for panel in panels:
+            where: dict[str, Any] = {"coords": {"model": model, "panel": panel}}
+            canvas.adjust("set_xlim", limits=(0, 1), **where)
+            ticks = {"values": [0, 0.5, 1], "labels": ["0", "0.5", "1"]}
+            canvas.adjust("set_xticks", **ticks, **where)
+            canvas.label("xlabel", axis_label(panel), **where)
+        if several and law:
+            canvas.label("title", law, size="medium", coords={"model": model, "panel": panels[0]})
+    row_ticks(canvas, headings)
+    of_classes = canvas.entries("class_label", "", "color", linewidth=6, alpha=_STRONG)
+    canvas.legend(of_classes | entries)
+    laws = None if several else read_text(results[""], "strain_energy", None)
+    canvas.title([r.attrs for r in results.values()], laws, "class probabilities")
     return canvas.collection
 
 
-def _panels(
-    results: Mapping[str, xr.Dataset], headings: list[str]
-) -> list[tuple[str, str, str, str]]:
-    """Heading, model, title and its colour of each panel, row by row."""
-    panels = []
-    for i, heading in enumerate(headings):
-        for j, (model, result) in enumerate(results.items()):
-            title, colour = heading if j == 0 else "", "0.1"
-            if "decision" in result:
-                decision = str(result["decision"].values[i]) or "not classified"
-                title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
-                colour = colour if decision in result["class_label"] else DOUBT
-            panels.append((heading, model, title, colour))
-    return panels
+def _with_errors(result: Any) -> Any:
+    """Return the result with errors of 0 if it states none, as cross-validation does."""
+    if isinstance(result, xr.Dataset) and "class_probability" in result:
+        known = {"class_probability_se": xr.zeros_like(result["class_probability"])}
+        return result.assign(known | {k: result[k] for k in known if k in result})
+    return result
 
 
-def _draw_bars(
-    canvas: Canvas, table: xr.Dataset, limits: Mapping[str, float]
-) -> dict[str, dict[str, Any]]:
-    """Draw bars and p-values with their numbers, and the limits; return the legend's entries."""
-    probability, error = table["class_probability"], table["class_probability_se"]
-    place = xr.DataArray(np.arange(table.sizes["class_label"]), dims="class_label")
-    place = place.where(probability.notnull())  # no bar if not classified
-    half, centre = (0.22, place - 0.2) if "p_value" in table else (0.35, place)
-    edges = {"left_edges": centre - half, "right_edges": centre + half}
-    bars = stacked("class_probability", **edges, histogram=probability)
-    canvas.draw("bar", "hist", data=bars.expand_dims("bar", axis=-1), alpha=0.5)
-    top, bottom = (probability + error).clip(0, 1), (probability - error).clip(0, 1)
-    ends = stacked("class_probability", x=centre, y_bottom=bottom, y_top=top)
-    canvas.draw("error", "ci_line_y", data=ends, color="0.1", width=1.2)
-    canvas.draw("number", "annotate_xy", **_written(probability, centre, bottom, top))
-    entries: dict[str, dict[str, Any]] = {}
+def _table(
+    results: Mapping[str, xr.Dataset],
+    row: str,
+    headings: list[str],
+    classes: list[str],
+    truth: list[str | None],
+) -> xr.Dataset:
+    """Numbers and words of each row, class and model; NaN where there is nothing to draw."""
+    parts = []
+    for result in results.values():
+        part = result[["class_probability", "class_probability_se"]]
+        part = part.rename(class_probability="probability", class_probability_se="error")
+        part = part.transpose(row, "class_label").where(np.isfinite(part["error"]))
+        decided, words = zip(*_words_of(result, row), strict=True)
+        part = part.assign(decided=(row, list(decided)), words=(row, list(words)))
+        if "p_value" in result and bool(result["p_value"].notnull().any()):
+            part["p_value"] = result["p_value"]
+        parts.append(part.reset_coords(drop=True).drop_vars(row, errors="ignore"))
+    table = xr.concat(parts, dim="model", coords="minimal", compat="override", join="override")
+    true = [[1.0 if name == known else np.nan for name in classes] for known in truth]
+    table["true"] = ((row, "class_label"), true)
+    return table.assign_coords({"model": list(results), row: headings})
+
+
+def _words_of(result: xr.Dataset, row: str) -> list[tuple[bool, str]]:
+    """Return True for a decision for a class, and the words of each row."""
+    classes, rows = result["class_label"].values.tolist(), []
+    for i in range(result.sizes[row]):
+        own = result.isel({row: i})
+        probability, error = own["class_probability"].values, own["class_probability_se"].values
+        if np.isnan(probability).all():
+            rows.append((False, "not classified"))
+            continue
+        largest = int(np.nanargmax(probability))
+        decision = str(own["decision"].item()) if "decision" in own else classes[largest]
+        if decision in classes:
+            place = classes.index(decision)
+            number = rounded_probability(float(probability[place]), float(error[place]))
+            rows.append((True, f"{decision} {number}"))
+        else:
+            rows.append((False, decision or "not classified"))
+    return rows
+
+
+def _draw_bars(canvas: Canvas, table: xr.Dataset, y: xr.DataArray, width: float) -> None:
+    """Draw bars with their errors, the marks of true classes, and p-values."""
+    here: dict[str, Any] = {"coords": {"panel": "probability"}}
+    probability, error = table["probability"], table["error"]
+    bar = {"width": width, "solid_capstyle": "butt", **here}
+    for name, chosen, alpha in (
+        ("bar", table["decided"], _STRONG),
+        ("doubtful", ~table["decided"], _WEAK),
+    ):
+        own = probability.where(chosen)
+        draw_lines(canvas, name, (0 * own, own), y, alpha=alpha, **bar)
+    ends = (probability - error).clip(0, 1), (probability + error).clip(0, 1)
+    plain: dict[str, Any] = {"color": "0.1", "ignore_aes": {"color"}, **here}
+    draw_lines(canvas, "error", tuple(e.where(error > 0) for e in ends), y, width=1.2, **plain)
+    beside = (_TRUE * table["true"]).broadcast_like(probability)
+    draw_points(canvas, "true", beside, y, marker="<", size=20, clip_on=False, **here)
     if "p_value" in table:
-        p_value = table["p_value"].where(probability.notnull())
-        points = stacked("class_probability", x=(place + 0.28).where(p_value.notnull()), y=p_value)
-        dark = {"color": "0.1", "marker": "d"}
-        canvas.draw("p_value", "scatter_xy", data=points, size=22, clip_on=False, **dark)
-        canvas.draw("p_number", "annotate_xy", **_written(p_value, place + 0.28, p_value, p_value))
-        entries["probability"] = {"color": "0.6", "linewidth": 6}
-        entries["p-value"] = dark | {"linestyle": "none", "markersize": 5}
-    for (name, limit), style in zip(limits.items(), (":", "--"), strict=True):
-        if limit:
-            line = {"color": "0.3", "linestyle": style}
-            level = xr.full_like(probability.isel(class_label=0, drop=True), limit).to_dataset()
-            canvas.draw(name, "hline", data=level, width=1, ignore_aes="all", **line)
-            entries[f"{name} = {limit:g}"] = line
+        own = {"coords": {"panel": "p_value"}, "marker": "d", "size": 16, "clip_on": False}
+        draw_points(canvas, "p_value", table["p_value"], y, **own)
+
+
+def _draw_decisions(canvas: Canvas, table: xr.Dataset, rows: xr.DataArray) -> None:
+    """Write the decision of each row beside its bars."""
+    x = xr.full_like(table["decided"], _WORDS, dtype=float)
+    content = {"text": table["words"], "decided": table["decided"]}
+    where: dict[str, Any] = {"coords": {"panel": "probability"}, "ignore_aes": {"color"}}
+    canvas.draw("decision", _write, data=stacked("classes", x=x, y=rows), **content, **where)
+
+
+def _write(da: xr.DataArray, target: Any, *, text: Any, decided: Any, **settings: Any) -> Any:
+    from arviz_plots.visuals import annotate_xy
+
+    colour = "0.1" if decided.item() else DOUBT
+    settings = {"color": colour, "vertical_align": "center", "size": 9} | settings
+    words = literal(text.item())
+    return annotate_xy(da, target, text=words, horizontal_align="left", **settings)
+
+
+def _legend_of(table: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Legend entries of errors, marks of true classes and p-values."""
+    grey, marks = {"color": "0.3"}, {"linestyle": "none", "markersize": 5}
+    entries: dict[str, dict[str, Any]] = {}
+    if bool((table["error"] > 0).any()):
+        entries["± one standard error"] = {"color": "0.1"}
+    if bool(table["true"].notnull().any()):
+        entries["true class"] = grey | marks | {"marker": "<"}
+    if "p_value" in table:
+        entries["p-value"] = grey | marks | {"marker": "d"}
     return entries
 
 
-def _written(
-    values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
-) -> dict[str, Any]:
-    """Numbers above or below the interval from low to high: the side with more room."""
-    above = 1 - high >= low - ROUNDING
-    return {
-        "data": values.to_dataset(name="class_probability"),
-        "text": rounded_probability,
-        "x": x,
-        "y": xr.where(above, high + 0.07, low - 0.07),
-        "vertical_align": xr.where(above, "bottom", "top"),
-        "color": "0.1",
-        "size": 8,
-    }
+def _draw_limits(
+    canvas: Canvas, table: xr.Dataset, limits: Mapping[str, float]
+) -> dict[str, dict[str, Any]]:
+    """Draw the limits of the decision; return their legend entries."""
+    entries: dict[str, dict[str, Any]] = {}
+    panels = ("probability", "p_value")
+    for panel, style, (name, limit) in zip(panels, (":", "--"), limits.items(), strict=True):
+        if limit and panel in table:
+            line = {"color": "0.3", "linestyle": style}
+            level = xr.full_like(table["model"], limit, dtype=float).to_dataset(name="classes")
+            settings: dict[str, Any] = {"coords": {"panel": panel}, "ignore_aes": "all", "width": 1}
+            canvas.draw(name, "vline", data=level, **settings, **line)
+            entries[f"{name.replace('_', ' ')} {limit:g}"] = line
+    return entries
 
 
 def _limits(given: Mapping[str, float | None], result: xr.Dataset) -> dict[str, float]:
@@ -219,8 +285,8 @@ def _limits(given: Mapping[str, float | None], result: xr.Dataset) -> dict[str, 
     return limits
 
 
-def _labels(result: Any) -> tuple[str, list[str], list[str]]:
-    """Dimension of the rows, their headings, and the classes."""
+def _labels(result: Any) -> tuple[str, list[str], list[str], list[str | None]]:
+    """Dimension of the rows, their headings, the classes, and the true class of each row."""
     variables = ("class_probability", "class_probability_se", "class_label")
     check_table(result, "ph.classify", *variables)
     for name in variables[:2]:
@@ -231,16 +297,17 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
             )
     row = next(str(d) for d in result["class_probability"].dims if d != "class_label")
     classes = result["class_label"].values.tolist()
-    known = [name for name in ("specimen", "experiment", "group") if name in result.coords]
-    headings = []
+    known = ("specimen", "experiment", "group", "true_class")
+    columns = {name: result[name].values.tolist() for name in known if name in result.coords}
+    headings, truth = [], []
     for i in range(result.sizes[row]):
-        of_row = {name: result[name].values.tolist()[i] for name in known}
+        of_row = {name: column[i] for name, column in columns.items()}
         heading = str(of_row.get("specimen", f"{row} {i + 1}"))
         if "experiment" in of_row:
             heading += f", experiment {of_row['experiment']}"
-        if of_row.get("group") in classes:
-            heading += f" (true class {of_row['group']})"
         headings.append(heading)
+        true = of_row.get("true_class", of_row.get("group"))
+        truth.append(true if true in classes else None)
     if len(set(headings)) < len(headings):
         headings = [f"{i}: {heading}" for i, heading in enumerate(headings, 1)]
-    return row, headings, classes
+    return row, headings, classes, truth

@@ -24,13 +24,18 @@ def row_panels(
     size = (6.6 + 0.075 * longest, inches * len(labels) + 1.4)
     layout = {"cols": ["panel"], "col_wrap": 2} | settings
     canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
-    first, *_ = panels = [str(name) for name in data["panel"].values]
-    canvas.adjust("set_ylim", limits=(_MARGIN - len(labels), _MARGIN))
-    rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
-    canvas.adjust(set_yticks, **rows, coords={"panel": first})
+    panels = [str(name) for name in data["panel"].values]
+    row_ticks(canvas, labels, coords={"panel": panels[0]})
     for panel in panels:
         canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
     return canvas
+
+
+def row_ticks(canvas: Canvas, labels: list[str], **where: Any) -> None:
+    """Name the rows on the vertical axis of panels, and leave room for the first and the last."""
+    canvas.adjust("set_ylim", limits=(_MARGIN - len(labels), _MARGIN))
+    rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
+    canvas.adjust(set_yticks, **rows, **where)
 
 
 def heights(dim: str, count: int) -> xr.DataArray:
@@ -41,8 +46,8 @@ def heights(dim: str, count: int) -> xr.DataArray:
 def draw_points(
     canvas: Canvas, name: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
 ) -> None:
-    """Draw a visual of points."""
-    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    """Draw a visual of points, where `x` is not NaN."""
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y.where(x.notnull()))
     canvas.draw(name, "scatter_xy", data=data, **{"size": 22} | settings)
 
 
@@ -53,9 +58,9 @@ def draw_lines(
     y: xr.DataArray,
     **settings: Any,
 ) -> None:
-    """Draw a visual of horizontal lines between two ends."""
+    """Draw a visual of horizontal lines between two ends, where these are not NaN."""
     x = xr.concat(ends, dim="end", coords="minimal", compat="override")
-    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y.where(x.notnull()))
     canvas.draw(name, "line_xy", data=data, **{"width": 1.3} | settings)
 
 

@@ -8,6 +8,7 @@ from importlib import import_module
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
@@ -15,6 +16,7 @@ from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, is_said, read_draws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.settings import law_names_of
+from pymc_hyperelastic.plots.labels import rounded
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -30,14 +32,22 @@ PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 # Styles of the second and third round of colours. Dashes mean extrapolation.
 LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
-# Colour of words that replace an answer, such as "undecided".
-DOUBT = "#D55E00"
+# Colour of words that replace an answer, such as "undecided": none of the palette.
+DOUBT = "#A00000"
 # Inches that figures leave for a legend below their panels.
 _BELOW = 0.35
 # Columns of a legend at most.
 _MOST_COLUMNS = 8
 # Letters of a line of a legend: as many fit into the narrowest figure.
 _LEGEND_WIDTH = 60
+# Ratio of the ends of an axis of positive numbers from which it is logarithmic.
+LOG_FROM = 10.0
+# Steps of the ticks of a logarithmic axis in each decade, from wide to narrow.
+_STEPS = [1], [1, 2, 5], [1, 1.5, 2, 3, 4, 5, 6, 8], np.arange(1, 10, 0.1), np.arange(1, 10, 0.02)
+# Ticks of such an axis.
+_FEWEST_TICKS, _MOST_TICKS = 3, 7
+# Errors of probabilities below this are not printed: three decimals do not show them.
+_LEAST_ERROR = 0.0005
 
 
 class Canvas:
@@ -202,6 +212,42 @@ def set_yticks(da: xr.DataArray, target: Any, *, values: list[float], labels: li
     backend_from_object(target).yticks(values, labels, target)
 
 
+def ticks_on_the_right(da: xr.DataArray, target: Any) -> None:
+    """Move the ticks of a vertical axis to the right of its panel."""
+    if hasattr(target, "yaxis"):
+        target.yaxis.tick_right()
+
+
+def log_axis(
+    da: xr.DataArray, target: Any, *, ends: tuple[float, float], axis: Literal["x", "y"] = "y"
+) -> None:
+    """Make an axis logarithmic, with ticks at round numbers between its ends."""
+    from arviz_plots.plot_collection import backend_from_object
+
+    backend, values = backend_from_object(target), log_ticks(*ends)
+    getattr(backend, f"{axis}scale")(target, "log")
+    getattr(backend, f"{axis}ticks")(values, [f"{value:g}" for value in values], target)
+    if hasattr(target, "minorticks_off"):
+        target.minorticks_off()
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two ends of a logarithmic axis, 3 to 7 of them.
+
+    Examples
+    --------
+    >>> log_ticks(0.45, 2.3), log_ticks(0.8, 40.0)
+    ([0.5, 1.0, 2.0], [1.0, 2.0, 5.0, 10.0, 20.0])
+    """
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    for steps in _STEPS:
+        values = np.outer(decades, steps).ravel()
+        values = values[(values >= low) & (values <= high)]
+        if len(values) >= _FEWEST_TICKS:
+            break
+    return values[:: max(1, -(-len(values) // _MOST_TICKS))].tolist()
+
+
 def per_kilopascal(pressure_unit: str) -> float:
     """How many of the unit make 1 kPa."""
     return 1 / float(to_internal(1.0, pressure_unit, "pressure"))
@@ -209,8 +255,8 @@ def per_kilopascal(pressure_unit: str) -> float:
 
 def rounded_probability(probability: float, error: float = 0.0) -> str:
     """A probability as it is printed, never as exactly zero or one unless its error says so."""
-    if error >= 0.0005:
-        return f"{probability:.3f} ± {error:.3f}"
+    if error >= _LEAST_ERROR:
+        return " ± ".join(rounded(error, probability, error))
     if probability < 0.0005:
         return "<0.001"
     return ">0.999" if probability > 0.9995 else f"{probability:.3f}"

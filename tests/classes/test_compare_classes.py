@@ -24,6 +24,9 @@ X = "log_reference_strain"
 DRAWS = 400
 # Errors of means and standard deviations of the draws: four standard errors, in posterior sds.
 MEAN_ERROR, SD_ERROR = 4 / np.sqrt([DRAWS, 2 * DRAWS])
+# Errors of the medians and standard deviations of specimens, in standard deviations: 400 draws of
+# about 2000 weighted ones, and the least squares of curves that are not quite linear.
+SPECIMEN_ERROR = 0.3
 # The specimens of a draw are evenly spread in probability: means over 128 of them have this error.
 MANY, PRECISE = 128, 0.01
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
@@ -120,6 +123,24 @@ def test_statistics_of_a_difference_are_computed_from_the_draws(result, distribu
     assert x["effect_size"].item() == pytest.approx(effect)
     assert result.attrs["compared"] == 2
     assert "0.1 of their 95 % intervals are expected to exclude 0" in result.attrs["words"]
+
+
+def test_specimens_are_near_their_curves_and_pulled_to_their_group(result, distributions):
+    own = result.sel(quantity=X)
+    np.testing.assert_array_equal(own["specimen_group"], np.repeat(["soft", "stiff"], 3))
+    curves, error = SPECIMENS
+    location, spread = (
+        np.repeat([distributions[name][i] for name in TRAINING], 3, axis=0) for i in (0, 1)
+    )
+    # Given the distribution, the posterior of a normal coordinate is normal.
+    weight = spread**2 / (spread**2 + error[:, None] ** 2)
+    mean = weight * curves[:, None] + (1 - weight) * location
+    variance = (weight * error[:, None] ** 2).mean(axis=1) + mean.var(axis=1)
+    sd = np.sqrt(variance)
+    found = own["specimen_value_sd"].values
+    np.testing.assert_allclose(found, sd, rtol=SPECIMEN_ERROR)
+    median = own["specimen_value"].values
+    np.testing.assert_array_less(np.abs(median - mean.mean(axis=1)), SPECIMEN_ERROR * sd)
 
 
 def test_overlap_of_one_coordinate_equals_the_overlap_of_normal_densities(result, distributions):
