@@ -27,7 +27,9 @@ from pymc_hyperelastic.models.settings import (
 )
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.page import Page, listed, plural, short
+from pymc_hyperelastic.reports.meanings import coordinate_in_words
+from pymc_hyperelastic.reports.page import Page, listed, plural
+from pymc_hyperelastic.rounding import short
 
 # Methods by which specimens are integrated, as an article names them.
 _METHODS = {"importance": "importance sampling", "bridge": "bridge sampling"}
@@ -159,8 +161,10 @@ def show_settings(result: xr.DataTree, page: Page) -> None:
     if kind := settings.hierarchical:
         rows += [
             ("variability", "each specimen has parameters of its own"),
-            ("coordinates of specimens", ", ".join(kind.scale.names)),
-            ("reference stress (kPa)", kind.variability.reference_stress or "none"),
+            (
+                "normally distributed between specimens",
+                "; ".join(_coordinates(kind)),
+            ),
             (
                 "experiments on a specimen",
                 "differ by a random effect"
@@ -226,13 +230,9 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
     else:
         sentences = [f"{tube} with {laws[0]}."]
     if kind := settings.hierarchical:
-        stress = kind.variability.reference_stress
-        at = f" at a reference stress of {short(stress)} kPa" if stress is not None else ""
-        names = kind.scale.names
-        of = "the coordinate" if len(names) == 1 else "the coordinates"
         sentences.append(
             "The parameters of each specimen were drawn from the distribution of its class, a "
-            f"normal distribution of {of} {listed(names)}{at}."
+            f"normal distribution of {listed(_coordinates(kind))}."
         )
         if kind.variability.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
@@ -241,13 +241,18 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
     elif several:
         sentences.append("All specimens of a class shared one set of parameters.")
     if settings.likelihood:
-        words = f"Measurement errors were normal, with the likelihood {settings.likelihood}."
-        sentences.append(words)
+        sentences.append(f"Measurement errors were normal ({settings.likelihood}).")
     if settings.priors:
         priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
         start = "The prior was" if len(priors) == 1 else "Priors were"
         sentences.append(f"{start} {', '.join(priors)}.")
     return sentences
+
+
+def _coordinates(kind: HierarchicalClass) -> list[str]:
+    """Return in words what is normally distributed between the specimens of a class."""
+    stress = kind.variability.reference_stress
+    return [f"the {coordinate_in_words(name, stress)}" for name in kind.scale.names]
 
 
 def law_in_words(energy: StrainEnergy) -> str:
