@@ -181,9 +181,11 @@ def show_diagnosis(result: xr.Dataset, page: Page) -> None:
     names = f"{' '.join(dims)} prior_sensitivity likelihood_sensitivity"
     typical = _thinned(result).sel(statistic="typical", drop=True)
     if "prior_sensitivity" in typical:
+        frame = frame_of(typical, names, *dims)
+        frame["quantity"] = frame["quantity"].map(quantity_in_words)
         page.table(
             "Sensitivity of the differences",
-            frame_of(typical, names, *dims),
+            frame,
             "Changes of a difference as the prior, or the likelihood, is raised to a power near 1. "
             f"Above {_SENSITIVE}, the prior or the data influence the difference.",
         )
@@ -192,6 +194,7 @@ def show_diagnosis(result: xr.Dataset, page: Page) -> None:
 def _add_methods(result: xr.Dataset, page: Page) -> None:
     """Add sentences on how groups were compared."""
     names = result["quantity"].values.tolist()
+    words = [quantity_in_words(name) for name in names]
     count = int(result.attrs.get("compared", len(names)))
     at = ""
     if "pressure" in result.coords:
@@ -203,9 +206,9 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
             at = f" at {short(float(pressures[0]))} {unit}"
     page.methods += [
         f"The groups {listed(result['group'].values.tolist())} were compared by the posterior of "
-        f"the difference of their typical specimens in {listed(names)}{at}, all in one tube; "
+        f"the difference of their typical specimens in {listed(words)}{at}, all in one tube; "
         f"intervals hold {100 * float(result.attrs['interval']):.3g} %.",
-        f"In all {count} differences were compared, without a correction for their number."
+        f"In total, {count} differences were compared, without a correction for their number."
         if count > 1
         else "One difference was compared.",
     ]

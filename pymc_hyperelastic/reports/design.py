@@ -85,7 +85,7 @@ def show_plan(result: xr.Dataset, page: Page) -> None:
         "from the posterior of the pilot study."
     )
     prob = f"{100 * float(result.attrs['interval']):.3g} %"
-    names = "quantity unit comparison specimens width_interval decided wrong covered"
+    names = "quantity unit comparison specimens width width_interval decided wrong covered"
     most = result.isel(specimens=[-1])
     width = frame_of(most, "width_interval", "quantity", "comparison", "specimens").iloc[0, 0]
     page.findings.append(

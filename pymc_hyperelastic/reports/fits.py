@@ -19,7 +19,12 @@ from pymc_hyperelastic.reports.page import (
     Page,
     frame_of,
 )
-from pymc_hyperelastic.reports.settings import settings_of, units_of
+from pymc_hyperelastic.reports.settings import (
+    known_wall,
+    reference_stress_of,
+    units_of,
+    uses_forces,
+)
 
 # Probability of the intervals and bands of a report.
 PROB = 0.95
@@ -78,7 +83,7 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
     )
     if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
         page.figure("Fit of the axial force", plot_axial_force, result, note=note, ci_prob=PROB)
-        if (said := settings_of(result).likelihood) and "force_sd" not in said:
+        if not uses_forces(next(iter(classes.values()))):
             page.text(
                 "The axial forces were not used in the fit: the figure shows whether the fit to "
                 "the pressures predicts them."
@@ -111,26 +116,25 @@ def show_parameters(result: xr.DataTree, page: Page) -> None:
             note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
             ci_probs=_REGIONS,
         )
-    units, settings = units_of(next(iter(classes.values()))), settings_of(result)
-    kind = settings.hierarchical
-    stress = kind.variability.reference_stress if kind else None
+    first = next(iter(classes.values()))
+    units, wall, stress = units_of(first), known_wall(first), reference_stress_of(first)
     what = f"median ({100 * PROB:.3g} % interval)"
     rows = []
     for name in names:
         row: dict[str, str | Interval] = {
             "parameter": name,
-            "meaning": meaning_of(name, settings.wall, stress),
+            "meaning": meaning_of(name, wall, stress),
             "unit": units.get(name.strip("|").split("[")[0], ""),
         }
         for of_class, own in found.items():
             row[f"class {of_class}" if len(found) > 1 else what] = own.get(name, "")
         rows.append(row)
     note = f"{what.capitalize()} of the posterior. "
-    if settings.differ:
+    if specimens_differ(first):
         note += (
             "The parameters of the material are those of the typical specimen, which has the mean "
             "of the specimens of its class in the logarithms of the parameters; the others "
-            "describe how specimens differ, and the measurement errors. "
+            "describe how specimens differ, and the measurement errors. Logarithms are natural. "
         )
     if len(found) > 1:
         note += "A class is the model of the specimens of one group."

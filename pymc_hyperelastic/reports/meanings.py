@@ -40,8 +40,10 @@ def meaning_of(name: str, wall: list[NamedLayer], stress: float | None = None) -
 
     The `wall` names the parameters of the material, and `stress` is the reference stress, kPa.
 
-    >>> meaning_of("spread[log_b]", []), meaning_of("pressure_sd", [])
-    ('standard deviation between specimens of the log of b', 'sd of the errors of pressures')
+    >>> meaning_of("spread[log_b]", [])
+    'standard deviation between specimens of the log of b'
+    >>> meaning_of("pressure_sd", [])
+    'standard deviation of the errors of pressures'
     """
     if name.startswith("|"):
         return f"absolute value of {name.strip('|')}"
@@ -50,8 +52,8 @@ def meaning_of(name: str, wall: list[NamedLayer], stress: float | None = None) -
         words = coordinate_in_words(entry, stress)
         return f"{_OF_COORDINATES[base]} of {'the ' * words.startswith('log')}{words}"
     if base in SIZES:
-        factor = "√2 " if base in SD_OF_SIGMA else ""
-        kind = "weight" if base == "slope_weight" else "sd"
+        factor = "√2 × the " if base in SD_OF_SIGMA else ""
+        kind = "weight" if base == "slope_weight" else "standard deviation"
         return f"{factor}{kind} of the {SIZES[base].of_what}"
     if base in SPREAD_OF_NOISE.values():
         return "standard deviation between specimens of the log of the measurement error"

@@ -147,15 +147,16 @@ class Page:
         """Add a table, unless it is empty; the first column names the rows.
 
         Columns without content are left out. A text that is the same in all rows moves to the note,
-        unless it is in the column to `keep`.
+        unless it is a unit, or in the column to `keep`.
         """
         columns = {str(n): [cell_of(str(n), v) for v in values] for n, values in frame.items()}
         same = []
         for name, cells in [*columns.items()][1:]:
             texts = {"".join(text for text, _ in cell) for cell in cells}
+            is_text = all(number is None for cell in cells for _, number in cell)
             if texts <= _NOTHING:
                 del columns[name]
-            elif name != keep and len(texts) == 1 < len(cells) and cells[0][0][1] is None:
+            elif name not in (keep, "unit") and is_text and len(texts) == 1 < len(cells):
                 same.append(f"{name}: {texts.pop()}")
                 del columns[name]
         if same:

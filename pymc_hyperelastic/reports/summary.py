@@ -62,8 +62,9 @@ def _limits_sentence(page: Page) -> str:
     least = f" The least certain elastic property is {widest} (median, interval)." if widest else ""
     if serious:
         level, text, _ = serious[0]
-        of = f"The most serious of {len(serious)} warnings" if len(serious) > 1 else "One warning"
-        return f"{of} ({level}) is: {text}{least}"
+        several = f"The most serious of {len(serious)} warnings"
+        of = several if len(serious) > 1 else "The one warning"
+        return f"{of} is “{text.rstrip('.')}” ({level}).{least}"
     which = "The checks" if page.complete else "The checks that were possible"
     return f"{which} found no problem.{least}"
 
