@@ -263,10 +263,10 @@ def cell_of(heading: str, value: Any) -> list[tuple[str, float | None]]:
     '−17.18 (−18.20 to −16.50)'
     """
     probable = _PROBABILITIES.search(heading)
-    if isinstance(value, Estimate):
-        if not math.isnan(value.value):
-            return _estimated(value, bool(probable))
+    if isinstance(value, Estimate | Interval) and math.isnan(value.value):
         value = math.nan
+    if isinstance(value, Estimate):
+        return _estimated(value, bool(probable))
     if isinstance(value, Interval):
         texts = rounded_interval(*value)
         parts = [*zip(texts, value, strict=True)]

@@ -9,6 +9,7 @@ import xarray as xr
 from pymc_hyperelastic.classes.average import laws_of_fits
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.plots.laws import plot_law_probability
+from pymc_hyperelastic.reports.fits import PROB
 from pymc_hyperelastic.reports.meanings import NATS
 from pymc_hyperelastic.reports.page import NOTE, Page, in_words, listed, plural
 
@@ -58,13 +59,14 @@ def _signals(data: list[xr.Dataset]) -> list[str]:
 def _limits_sentence(page: Page) -> str:
     """Return the most serious warning, or that none was found and what is least certain."""
     serious = [warning for warning in page.warnings if warning[0] != NOTE]
-    widest = page.least_certain[1]
-    least = f" The least certain elastic property is {widest} (median, interval)." if widest else ""
+    least, prob = page.least_certain[1], f"{100 * PROB:.3g} %"
+    if least:
+        least = f" The least certain elastic property is {least} (median, {prob} interval)."
     if serious:
         level, text, _ = serious[0]
         several = f"The most serious of {len(serious)} warnings"
         of = several if len(serious) > 1 else "The one warning"
-        return f"{of} is “{text.rstrip('.')}” ({level}).{least}"
+        return f"{of} ({level}): {text}{least}"
     which = "The checks" if page.complete else "The checks that were possible"
     return f"{which} found no problem.{least}"
 
@@ -76,7 +78,7 @@ def show_laws(fits: Mapping[str, xr.DataTree], page: Page) -> None:
     except ValueError:  # other data, other classes or another likelihood: they do not compare
         return
     page.title = listed([*fits])
-    page.figure("Probability of each law", plot_law_probability, [*fits.values()])
+    page.figure("Probability of each law", plot_law_probability, [*fits.values()], warned=False)
     chances = [*map(Estimate, np.exp(laws.log_probability), laws.probability_error)]
     frame = pd.DataFrame({"law": laws.labels}, dtype=object)
     frame["log evidence (nats)"] = pd.Series(laws.evidences, dtype=object)

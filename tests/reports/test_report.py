@@ -89,7 +89,7 @@ def test_summary_states_data_result_and_limits(page):
         "Decisions on 2 new specimens: 1 C1 and 1 C2; the most probable classes have probabilities "
         "from 0.750 to 0.900." in page.summary
     )
-    assert "“New: the classes have no variability" in page.summary
+    assert "The one warning (caution): New: the classes have no variability" in page.summary
     assert "The least certain elastic property is the" in page.summary
 
 

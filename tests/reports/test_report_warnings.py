@@ -40,7 +40,7 @@ def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
     tree["diagnosis"] = diagnosis.assign(verdict=("check", [verdict, "good"]))
     page = write_words({"Artery": tree})
     assert f"{level} Artery: the evidence is {verdict}: {words}." in page.warnings
-    assert f"“Artery: the evidence is {verdict}: {words}" in page.summary
+    assert f"Artery: the evidence is {verdict}: {words}" in page.summary
     assert page.column("Evidence", "verdict") == [verdict]
     if verdict == "not to be trusted":
         assert page.column("Evidence", "log evidence (nats)")[0][1] == np.inf
