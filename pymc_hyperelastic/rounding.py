@@ -1,7 +1,7 @@
 """How numbers are rounded: before they are compared, and where people read them.
 
 Converting units, writing a file or another order of a sum changes the last of the 16 digits of a
-number; no measurement of soft tissue has nine. Of an error, two digits mean something.
+number; no measurement of soft tissue has nine. An error is known to two digits at most.
 """
 
 import math

@@ -24,7 +24,7 @@ from pymc_hyperelastic.rounding import short
 _ROUNDING = 1e-12
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 _MORE = "Sample again with more draws and chains"
-# Checks of an evidence: what is checked, and what to do if it fails unless the warning says it.
+# Checks of an evidence: the value, and the advice if it fails, unless the warning holds the advice.
 _CHECKS = {
     "chains": ("standard deviation of the log evidences of the chains, nats", _MORE),
     "R-hat": ("largest R-hat of the unknowns: 1 if all chains found the same posterior", _MORE),

@@ -1,4 +1,4 @@
-"""What unknowns and diagnostic numbers mean, in words, for tables and sentences of a report."""
+"""Meanings of unknowns and diagnostic numbers in words, for tables and sentences of a report."""
 
 import re
 
@@ -10,7 +10,7 @@ from pymc_hyperelastic.quantities import IN_RESULTS, IN_TABLES
 
 # Explanations of numbers, for the notes of tables.
 PARETO_K = (
-    "Pareto k tells how much a result depends on a few draws with large weights: below "
+    "Pareto k measures how far a result depends on a few draws with large weights: below "
     f"{LARGEST_PARETO_K} it does not."
 )
 NATS = (

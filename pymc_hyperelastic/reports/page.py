@@ -59,7 +59,7 @@ class Notice(NamedTuple):
     level: str
     words: str
     todo: str
-    """What the reader can do; empty if `words` say it."""
+    """Advice to the reader; empty if `words` hold it."""
 
 
 class Interval(NamedTuple):
@@ -81,7 +81,7 @@ class Page:
     data: list[xr.Dataset] = field(default_factory=list)
     """Inflation data that are on the page already."""
     findings: list[str] = field(default_factory=list)
-    """Sentences on what was found, for the summary."""
+    """Sentences on the main results, for the summary."""
     values: list[str] = field(default_factory=list)
     """Sentences on single values: the first is in the summary if there is no finding."""
     least_certain: tuple[float, str] = (1.0, "")

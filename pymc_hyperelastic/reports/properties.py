@@ -88,7 +88,7 @@ def _tube_sentence(middle: Mapping[str, float], given: Mapping[str, float]) -> s
     """Describe the tube of the properties, from medians of measured tubes and given sizes."""
     if not middle and not given:
         return ""
-    medians = "; what was not given is the median of the measured tubes" if given else ", medians"
+    medians = "; other sizes are medians of the measured tubes" if given else ", medians"
     return f"All properties are those of one tube ({tube_in_words({**middle, **given})}{medians}). "
 
 

@@ -273,7 +273,7 @@ def _named(name: str, settings: Settings) -> str:
 
 
 def _coordinates(kind: HierarchicalClass) -> list[str]:
-    """Return in words what is normally distributed between the specimens of a class."""
+    """Return the coordinates that are normally distributed between specimens, in words."""
     stress = kind.variability.reference_stress
     return [f"the {coordinate_in_words(name, stress)}" for name in kind.scale.names]
 

@@ -1,4 +1,4 @@
-"""The first section of a report: what the data are, what was found, and what limits it."""
+"""The first section of a report: its data, its main results, and their limits."""
 
 from collections.abc import Mapping
 
@@ -57,7 +57,7 @@ def _signals(data: list[xr.Dataset]) -> list[str]:
 
 
 def _limits_sentence(page: Page) -> str:
-    """Return the most serious warning, or that none was found and what is least certain."""
+    """Return the most serious warning, or that there is none; and the least certain property."""
     serious = [warning for warning in page.warnings if warning[0] != NOTE]
     least, prob = page.least_certain[1], f"{100 * PROB:.3g} %"
     if least:
@@ -87,7 +87,7 @@ def show_laws(fits: Mapping[str, xr.DataTree], page: Page) -> None:
     page.table("Probability of each law", frame, note)
     best = int(np.argmax(laws.log_probability))
     page.findings.append(
-        f"Of the laws {listed(laws.labels)}, {laws.labels[best]} explains the data best: its "
+        f"{laws.labels[best]} explains the data best, of the laws {listed(laws.labels)}: its "
         f"probability is {in_words(chances[best], 'probability')}, and its log evidence "
         f"{in_words(laws.evidences[best])}."
     )

@@ -203,7 +203,7 @@ def test_report_of_an_average_over_laws(write_words):
     assert page.table("Strain energies in the average")[1] == expected
     assert "averaged over the strain energies NeoHookean and Demiray" in page.methods
     assert page.column("Probability of each law", "law") == list(laws)
-    assert "Of the laws NeoHookean and Demiray, " in page.summary
+    assert "explains the data best, of the laws NeoHookean and Demiray: " in page.summary
     # The data of both fits are described once.
     assert page.methods.count("10 experiments with 200 points") == 1
     _, second = page.methods.split("Each vessel was also modelled as")
