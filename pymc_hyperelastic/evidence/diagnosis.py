@@ -202,7 +202,7 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         limit = most if alive > _MANY_ANCESTORS else limit
         words = f"at {share:.0%} of the stages, draws stayed near the places where they were"
         checks.append(check_small("moves", share, limit, most, words))
-        words = f"all draws of a chain descend from {alive:.1%} of its first draws"
+        words = f"all draws of a chain come from {alive:.1%} of its first draws"
         few, too_few = _LIMITS["ancestors"]
         verdict = GOOD if alive >= few else DOUBTFUL if alive >= too_few else BAD
         checks.append(Check("ancestors", alive, few, verdict, words))
