@@ -270,7 +270,7 @@ def test_reports_of_sampled_models_of_other_kinds(write_words):
     assert (
         "of 2 layers with, from the inside out, the strain energy NeoHookean" in of_layers.methods
     )
-    assert "mu_2" in of_layers.column("Posterior of the parameters", "parameter")
+    assert "mu_2" in of_layers.column("Parameters", "parameter")
     assert "Each specimen had parameters of its own" in of_population.methods
-    assert "log_reference_strain[A2]" in of_population.column("Posterior", "parameter")
+    assert "log_reference_strain[A2]" in of_population.column("Parameters", "parameter")
     assert "The result does not say which model was fitted." in of_own.methods
