@@ -22,7 +22,7 @@ from pymc_hyperelastic.evidence.convergence import disagreement
 from pymc_hyperelastic.evidence.weights import pareto_shape
 from pymc_hyperelastic.plots import fitted_curves, probability
 from pymc_hyperelastic.predictions import draws, measured
-from pymc_hyperelastic.reports import decisions, fits
+from pymc_hyperelastic.reports import decisions, diagnosis
 from pymc_hyperelastic.reports.page import Page
 
 DIMS = ("specimen", "class_label")
@@ -112,7 +112,7 @@ def test_numbers_equal_up_to_rounding_have_no_pareto_tail_and_no_rhat_warning():
     assert pareto_shape(-1e4 + 1e-12 * rng.standard_normal(4000)) == -np.inf
     page, draws = Page(title=""), 0.3 * (1 + 2**-52 * np.repeat([[0], [1]], 100, axis=1))
     posterior = xr.Dataset({"mu": (("chain", "draw"), draws)})
-    fits._check_convergence("Fit", posterior, summary(posterior, round_to="none"), page)
+    diagnosis._check_convergence("Fit", posterior, summary(posterior, round_to="none"), page)
     assert not page.notices
 
 

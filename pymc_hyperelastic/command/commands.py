@@ -47,6 +47,35 @@ Overwrite = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same numbers.")]
+PressureSd = Annotated[
+    str | None,
+    typer.Option(
+        help="Standard deviation of pressures, as in '2 mmHg', or 'unknown' (the default)."
+    ),
+]
+ForceSd = Annotated[
+    str | None,
+    typer.Option(help="The same of axial forces, as in '0.5 mN'; without it they are left out."),
+]
+ForceOffsetSd = Annotated[
+    str | None, typer.Option(help="Standard deviation of the zero of the force transducer.")
+]
+DiameterSd = Annotated[
+    str | None, typer.Option(help="Standard deviation of diameters, as in '5 um'.")
+]
+Sigma = Annotated[
+    str | None,
+    typer.Option(
+        help="In place of --pressure-sd, with slopes: √2 standard deviations of pressures."
+    ),
+]
+ForceSigma = Annotated[
+    str | None,
+    typer.Option(help="With --sigma in place of --force-sd: √2 standard deviations of forces."),
+]
+SlopeWeight = Annotated[
+    float | None, typer.Option(help="With --sigma, weight of slopes, mm²; else balanced.")
+]
 Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # type: ignore[misc]
 
 
@@ -112,37 +141,13 @@ def fit(
     experiment_effect: Annotated[
         bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
     ] = False,
-    pressure_sd: Annotated[
-        str | None,
-        typer.Option(
-            help="Standard deviation of pressures, as in '2 mmHg', or 'unknown' (the default)."
-        ),
-    ] = None,
-    force_sd: Annotated[
-        str | None,
-        typer.Option(
-            help="The same of axial forces, as in '0.5 mN'; without it they are left out."
-        ),
-    ] = None,
-    force_offset_sd: Annotated[
-        str | None, typer.Option(help="Standard deviation of the zero of the force transducer.")
-    ] = None,
-    diameter_sd: Annotated[
-        str | None, typer.Option(help="Standard deviation of diameters, as in '5 um'.")
-    ] = None,
-    sigma: Annotated[
-        str | None,
-        typer.Option(
-            help="In place of --pressure-sd, with slopes: √2 standard deviations of pressures."
-        ),
-    ] = None,
-    force_sigma: Annotated[
-        str | None,
-        typer.Option(help="With --sigma in place of --force-sd: √2 standard deviations of forces."),
-    ] = None,
-    slope_weight: Annotated[
-        float | None, typer.Option(help="With --sigma, weight of slopes, mm²; else balanced.")
-    ] = None,
+    pressure_sd: PressureSd = None,
+    force_sd: ForceSd = None,
+    force_offset_sd: ForceOffsetSd = None,
+    diameter_sd: DiameterSd = None,
+    sigma: Sigma = None,
+    force_sigma: ForceSigma = None,
+    slope_weight: SlopeWeight = None,
     draws: Annotated[int, typer.Option(help="Draws of a chain.")] = 1000,
     chains: Annotated[int, typer.Option(help="Independent runs.")] = 4,
     out: Out = Path("study"),
@@ -155,9 +160,6 @@ def fit(
     If a table has a column 'split', its rows marked 'train' are used. After an interrupt the same
     command continues. The options of errors may stand in a table [likelihood] of the TOML file.
     """
-    data = _split(read_tests(files, settings), "train")
-    groups = list(dict.fromkeys(data["group"].values.tolist()))
-    training = {str(group): select(data, group=group) for group in groups}
     options = {
         "pressure_sd": pressure_sd,
         "force_sd": force_sd,
@@ -167,34 +169,39 @@ def fit(
         "force_sigma": force_sigma,
         "slope_weight": slope_weight,
     }
+    data = _split(read_tests(files, settings), "train")
+    groups = list(dict.fromkeys(data["group"].values.tolist()))
     stated = settings_of_study(files, settings).likelihood
-    likelihood = likelihood_of_options(options, stated, data)
     alike = variability is Differences.none
+    fit_law = partial(
+        fit_classes,
+        groups={str(group): select(data, group=group) for group in groups},
+        likelihood=likelihood_of_options(options, stated, data),
+        variability=None if alike else Variability(experiment_effect=experiment_effect),
+        draws=draws,
+        chains=chains,
+        random_seed=seed,
+        progressbar=not quiet,
+    )
     if alike and experiment_effect:
         raise ValueError("--experiment-effect needs --variability specimen")
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
-        path = out / f"{CLASSES}-{each.value}.nc"
-        store = path.with_suffix("")
-        if path.exists() and not store.exists() and not overwrite:
-            raise ValueError(f"{path} exists already: {_INSTEAD}")
-        compute = partial(
-            fit_classes,
-            StrainEnergy.from_name(each.value),
-            training,
-            likelihood,
-            variability=None if alike else Variability(experiment_effect=experiment_effect),
-            draws=draws,
-            chains=chains,
-            random_seed=seed,
-            progressbar=not quiet,
-            store=store,
-        )
-        classes = _computed(compute, store, overwrite=overwrite)
-        save_result(classes, path)
-        for name, fitted in classes.children.items():
-            typer.echo(f"{each.value}, group {name}: log evidence {log_evidence(fitted)}")
-        typer.echo(f"The classes are in {path}.")
+        _fit_law(each.value, fit_law, out, overwrite=overwrite)
+
+
+def _fit_law(law: str, fit_law: Callable[..., Any], out: Path, *, overwrite: bool) -> None:
+    """Fit the classes with one strain energy, save them in a folder, and print the evidences."""
+    path = out / f"{CLASSES}-{law}.nc"
+    store = path.with_suffix("")
+    if path.exists() and not store.exists() and not overwrite:
+        raise ValueError(f"{path} exists already: {_INSTEAD}")
+    compute = partial(fit_law, StrainEnergy.from_name(law), store=store)
+    classes = _computed(compute, store, overwrite=overwrite)
+    save_result(classes, path)
+    for name, fitted in classes.children.items():
+        typer.echo(f"{law}, group {name}: log evidence {log_evidence(fitted)}")
+    typer.echo(f"The classes are in {path}.")
 
 
 @app.command()

@@ -200,15 +200,15 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         # If most of the first particles are left, it does not matter how far they have moved.
         limit, most = _LIMITS["moves"]
         limit = most if alive > _MANY_ANCESTORS else limit
-        words = f"particles had not forgotten their places at {share:.0%} of the stages"
+        words = f"at {share:.0%} of the stages, draws stayed near the places where they were"
         checks.append(check_small("moves", share, limit, most, words))
-        words = f"all particles of a chain come from {alive:.1%} of the first ones"
+        words = f"all draws of a chain come from {alive:.1%} of its first draws"
         few, too_few = _LIMITS["ancestors"]
         verdict = GOOD if alive >= few else DOUBTFUL if alive >= too_few else BAD
         checks.append(Check("ancestors", alive, few, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
-        words = f"a few weights decide: their Pareto shape is {shape:.2f}"
+        words = f"a few weights dominate the evidence: Pareto k is {shape:.2f}"
         checks.append(_check("weights", shape, words))
     return checks
 
@@ -290,15 +290,18 @@ def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[Check]:
     if not np.isfinite([*values, *errors]).all():
         words = (
-            "a chain has failed, or went on in haste after many stages at which its particles had "
-            "not forgotten their places"
+            "a chain failed, or moved its draws only once per stage after many stages at which "
+            "they stayed near the places where they were"
         )
         return [Check("chains", np.inf, 0.0, BAD, words)]
     if len(values) == 1:
         return []
     spread = float(np.std(values, ddof=1))
     limit = largest_spread(errors)
-    words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
+    words = (
+        f"the log evidences of the chains differ by {np.ptp(values):.2f} nats, more than their "
+        "errors explain"
+    )
     checks = [check_small("chains", spread, limit, max(limit, _NATS), words)]
     group = "unconstrained_posterior"
     if group in tree.children:

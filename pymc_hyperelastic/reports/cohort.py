@@ -15,6 +15,10 @@ from pymc_hyperelastic.reports.page import BAD, CAUTION, Page, plural
 
 # Quantiles over the specimens.
 _QUANTILES = {"2.5 %": 0.025, "median": 0.5, "97.5 %": 0.975}
+_NOTE = (
+    "The quantiles are those of the posterior medians of the specimens; the last column is the "
+    "uncertainty of one specimen."
+)
 _HEADINGS = [f"{name} of the specimens" for name in _QUANTILES]
 
 
@@ -29,11 +33,13 @@ def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
         heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed & ~infinite
         words = f"a few weights dominate a posterior (Pareto shape of {LARGEST_PARETO_K} or more)"
         names = names_of(evidence)
-        page.notice_where(BAD, "the error of an evidence is infinite", names, infinite)
-        page.notice_where(CAUTION, words, names, heavy)
+        more = "Fit these specimens again with more draws"
+        page.notice_where(BAD, "the error of an evidence is infinite", more, names, infinite)
+        page.notice_where(CAUTION, words, more, names, heavy)
     others = f"; {plural(int(failed.sum()), 'other')} could not be sampled" if failed.any() else ""
     count = plural(int((~failed).sum()), "specimen")
     page.methods.append(f"The posteriors of {count} were sampled one by one{others}.")
+    page.values.append(f"The law was fitted to {count}, one by one{others}.")
     methods = evidence["method"].to_series() if "method" in evidence else pd.Series([], dtype=str)
     counts = methods.where(~failed, "not sampled").value_counts().sort_index()
     page.table("Sampling methods of the specimens", counts.rename("specimens").reset_index())
@@ -50,7 +56,8 @@ def show_cohort_posteriors(tree: xr.DataTree, page: Page) -> None:
             numbers = [*_quantiles(medians.isel(at)), float(sds.isel(at).median())]
             rows.append([f"{name}[{i}]" if entries else name, *numbers])
     columns = ["parameter", *_HEADINGS, "median of the posterior sd"]
-    page.table("Posterior medians of the parameters", pd.DataFrame(rows, columns=columns))
+    frame = pd.DataFrame(rows, columns=columns)
+    page.table("Posterior medians of the parameters", frame, _NOTE)
 
 
 def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
@@ -70,7 +77,8 @@ def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
             rows.append([str(name).replace("_", " "), unit, float(pressure), *numbers])
     pressure = f"pressure ({properties['pressure'].attrs.get('units', 'kPa')})"
     columns = ["property", "unit", pressure, *_HEADINGS, "median width of the intervals"]
-    page.table("Posterior medians of the elastic properties", pd.DataFrame(rows, columns=columns))
+    frame = pd.DataFrame(rows, columns=columns)
+    page.table("Posterior medians of the elastic properties", frame, _NOTE)
 
 
 def _quantiles(values: xr.DataArray) -> list[float]:

@@ -1,22 +1,26 @@
 """Differences between groups, by ``ph.compare_classes``, in a report."""
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.classes.quantities import MOST_LACKING
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.plots.comparison import plot_comparison
-from pymc_hyperelastic.reports.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.meanings import quantity_in_words
+from pymc_hyperelastic.reports.measurements import tube_in_words, warn_of_simulated
 from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
     NOTE,
     Page,
     frame_of,
+    in_words,
     listed,
-    short,
+    plural,
 )
+from pymc_hyperelastic.rounding import DIGITS, short
 
 # Sensitivity above which the prior influences a difference (Kallioinen et al. 2024).
 _SENSITIVE = 0.05
@@ -28,27 +32,31 @@ def _check(result: xr.Dataset, page: Page) -> None:
     """Add notices on the number of differences, the prior, and specimens without a quantity."""
     warn_of_simulated(result.attrs, page)
     if "words" in result.attrs:
-        page.notice(NOTE, result.attrs["words"])
+        todo = "Read a single interval that excludes 0 as a hint, not as a proof"
+        page.notice(NOTE, result.attrs["words"], todo)
     for name in result["quantity"].values.tolist():
         own = result.sel(quantity=name)
         typical = own.sel(statistic="typical")
         sensitivity = float(typical["prior_sensitivity"].max()) if "prior_sensitivity" in own else 0
         if sensitivity > _SENSITIVE:
             words = f"the prior influences the difference of {name}: its sensitivity is"
-            page.notice(CAUTION, f"{words} {short(sensitivity)}")
+            todo = "Compare again with other priors, and report both results"
+            page.notice(CAUTION, f"{words} {short(sensitivity)}", todo)
         if "lacking" in own and float(own["lacking"].max()) > MOST_LACKING:
             words = (
                 f"up to {float(own['lacking'].max()):.1%} of the specimens of a group have no "
                 f"{name}; the result describes the others"
             )
-            page.notice(CAUTION, words)
+            page.notice(CAUTION, words, "Compare at a lower pressure, which all of them reach")
         if bool(typical["difference"].isnull().any()):
-            page.notice(CAUTION, f"the difference of {name} is unknown")
+            words = f"the difference of {name} is unknown"
+            page.notice(CAUTION, words, "Compare at a pressure that the specimens reach")
     if "log_bayes_factor_se" in result:
         infinite = ~np.isfinite(result["log_bayes_factor_se"].values)
         if infinite.any():
             of = listed(result["comparison"].values[infinite].tolist())
-            page.notice(BAD, f"the error of the Bayes factor of {of} is infinite")
+            words = f"the error of the Bayes factor of {of} is infinite"
+            page.notice(BAD, words, "Compare again with more draws, and do not use the factor")
 
 
 def show_comparison(result: xr.Dataset, page: Page) -> None:
@@ -63,37 +71,130 @@ def show_comparison(result: xr.Dataset, page: Page) -> None:
         note=f"Median and {100 * prob:.3g} % interval of the posterior.",
     )
     if tube := read_json(result, "tube", {}):
-        sizes = listed([f"{name.replace('_', ' ')} {short(v)}" for name, v in tube.items()])
-        page.text(f"All materials are compared in one tube, in mm and rad: {sizes}.")
-    dims = []
+        page.text(f"All materials are compared in one tube: {tube_in_words(tube)}.")
+    page.findings += [
+        _finding(result.sel(comparison=name)) for name in result["comparison"].values.tolist()
+    ]
+    result = _thinned(result)
     if "pressure" in result.dims:
-        dims = ["pressure"]
-        result = result.isel(pressure=evenly(result.sizes["pressure"], _MOST_PRESSURES))
         page.text(f"Pressures in the tables are in {result.attrs['pressure_unit']}.")
-    place = "pressure " if dims else ""
-    names = f"quantity unit group statistic {place}value value_sd value_interval"
-    frame = frame_of(result, names, "quantity", "group", "statistic", *dims)
-    page.table("Values of the groups", frame)
-    names = (
-        f"quantity comparison {place}difference difference_interval probability_of_rise "
-        "effect_size effect_size_interval best_accuracy prior_sensitivity"
-    )
+    _show_values(result, page)
+    _show_differences(result, page)
+    if "log_bayes_factor" in result:
+        names = "comparison log_bayes_factor probability_of_difference"
+        frame = frame_of(result, names, "comparison")
+        page.table(
+            "Bayes factors of different against equal distributions",
+            frame,
+            "They judge all parameters together. A log Bayes factor above 0 is evidence that the "
+            "groups differ; below 0, that they have one distribution. The probability is that "
+            "of different distributions if both are equally probable before the data.",
+        )
+
+
+def _thinned(result: xr.Dataset) -> xr.Dataset:
+    """Return some pressures of a curve."""
+    if "pressure" not in result.dims:
+        return result
+    return result.isel(pressure=evenly(result.sizes["pressure"], _MOST_PRESSURES))
+
+
+def _finding(result: xr.Dataset) -> str:
+    """Return a sentence on the clearest difference of one comparison, and on all together."""
     typical = result.sel(statistic="typical", drop=True)
-    page.table(
-        "Differences of the typical specimens",
-        frame_of(typical, names, "quantity", "comparison", *dims),
-        "Effect sizes are in units of the standard deviation between specimens. The best accuracy "
-        "is that of an ideal decision about one new specimen.",
+    typical = typical.stack(place=["quantity", *({"pressure"} & {*typical.dims})])
+    direction = typical["probability_of_direction"].fillna(0.0).values.round(DIGITS)
+    own = typical.isel(place=int(direction.argmax()))
+    prob = f"{100 * float(result.attrs['interval']):.3g} %"
+    interval = frame_of(own.expand_dims("place"), "difference_interval", "place").iloc[0, 0]
+    unit = "" if own["unit"].item() == "1" else f" {own['unit'].item()}"
+    low, high = typical["difference_interval"].transpose("bound", ...).values
+    excluded = int(((low > 0) | (high < 0)).sum())
+    count = f"{excluded or 'none'} of {plural(typical.sizes['place'], 'difference')}"
+    text = (
+        f"{result['comparison'].item()}: {count} {'have' if excluded > 1 else 'has'} a {prob} "
+        f"interval that excludes 0; the clearest is the one in the "
+        f"{quantity_in_words(own['quantity'].item())}, {in_words(interval)}{unit}"
     )
     if "log_bayes_factor" in result:
-        names = "comparison log_bayes_factor log_bayes_factor_se probability_of_difference"
-        frame = frame_of(result, names, "comparison")
-        page.table("Bayes factors of different against equal distributions", frame)
+        chance = in_words(float(result["probability_of_difference"]), "probability")
+        text += f". The probability that the groups differ at all is {chance}; 0.5 before the data"
+    return f"{text}."
+
+
+def _show_values(result: xr.Dataset, page: Page) -> None:
+    """Add the statistics of each quantity, with a column for each group."""
+    dims = ["quantity", "statistic", *({"pressure"} & {*result.dims})]
+    tables = []
+    for group in result["group"].values.tolist():
+        names = " ".join(["quantity statistic", *dims[2:], "unit value_interval"])
+        own = frame_of(result.sel(group=group, drop=True), names, *dims)
+        tables.append(own.rename(columns={own.columns[-1]: f"group {group}"}))
+    frame = pd.concat([tables[0], *(table.iloc[:, -1] for table in tables[1:])], axis=1)
+    frame["quantity"] = frame["quantity"].map(quantity_in_words)
+    page.table(
+        "Values of the groups",
+        frame,
+        f"Median ({100 * float(result.attrs['interval']):.3g} % interval) of the posterior. A "
+        "typical specimen is the middle one of its group; mean and spread are the mean and the "
+        "standard deviation over all specimens of the group, measured or not.",
+    )
+
+
+def _show_differences(result: xr.Dataset, page: Page) -> None:
+    """Add the differences of the typical specimens of the groups."""
+    dims = ["quantity", "comparison", *({"pressure"} & {*result.dims})]
+    typical = _with_ratios(result.sel(statistic="typical", drop=True))
+    names = (
+        f"{' '.join(dims)} unit difference_interval ratio_interval probability_of_rise "
+        "effect_size_interval best_accuracy"
+    )
+    frame = frame_of(typical, names, *dims)
+    frame["quantity"] = frame["quantity"].map(quantity_in_words)
+    page.table(
+        "Differences of the typical specimens",
+        frame,
+        "The ratio is that of the two groups. Effect sizes are differences in standard deviations "
+        "between specimens. The best accuracy is the share of single new specimens that this "
+        "quantity could at best assign to the right group; 0.5 is guessing.",
+    )
+
+
+def _with_ratios(typical: xr.Dataset) -> xr.Dataset:
+    """Add the ratios of quantities whose logarithms were compared."""
+    names = typical["quantity"].values.tolist()
+    of_logs = xr.DataArray([n.startswith(("log ", "log_")) for n in names], dims="quantity")
+    ratios = {
+        ratio: typical[ratio].where(~of_logs, np.exp(typical[difference]))
+        for ratio, difference in (
+            ("ratio", "difference"),
+            ("ratio_interval", "difference_interval"),
+        )
+        if ratio in typical
+    }
+    return typical.assign(ratios)
+
+
+def show_diagnosis(result: xr.Dataset, page: Page) -> None:
+    """Add how far priors and data decide the differences."""
+    dims = ["quantity", "comparison", *({"pressure"} & {*result.dims})]
+    names = f"{' '.join(dims)} prior_sensitivity likelihood_sensitivity"
+    typical = _thinned(result).sel(statistic="typical", drop=True)
+    if "prior_sensitivity" in typical:
+        frame = frame_of(typical, names, *dims)
+        frame["quantity"] = frame["quantity"].map(quantity_in_words)
+        page.table(
+            "Sensitivity of the differences",
+            frame,
+            "Changes of a difference as the prior, or the likelihood, is raised to a power near 1. "
+            f"Above {_SENSITIVE}, the prior or the data influence the difference.",
+        )
 
 
 def _add_methods(result: xr.Dataset, page: Page) -> None:
     """Add sentences on how groups were compared."""
     names = result["quantity"].values.tolist()
+    words = [quantity_in_words(name) for name in names]
     count = int(result.attrs.get("compared", len(names)))
     at = ""
     if "pressure" in result.coords:
@@ -105,9 +206,9 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
             at = f" at {short(float(pressures[0]))} {unit}"
     page.methods += [
         f"The groups {listed(result['group'].values.tolist())} were compared by the posterior of "
-        f"the difference of their typical specimens in {listed(names)}{at}, all in one tube; "
+        f"the difference of their typical specimens in {listed(words)}{at}, all in one tube; "
         f"intervals hold {100 * float(result.attrs['interval']):.3g} %.",
-        f"In all {count} differences were compared, without a correction for their number."
+        f"In total, {count} differences were compared, without a correction for their number."
         if count > 1
         else "One difference was compared.",
     ]

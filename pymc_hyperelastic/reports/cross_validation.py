@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.scores import score_probabilities
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.verdicts import BAD as UNRELIABLE
 from pymc_hyperelastic.evidence.verdicts import DOUBTFUL
 from pymc_hyperelastic.plots.calibration import plot_reliability
@@ -14,9 +15,10 @@ from pymc_hyperelastic.reports.page import (
     NOTE,
     Page,
     frame_of,
+    in_words,
     plural,
-    short,
 )
+from pymc_hyperelastic.rounding import short
 
 # Specimens below which the reliability of probabilities is hardly known.
 _FEW = 20
@@ -29,13 +31,15 @@ def _check(result: xr.Dataset, page: Page) -> None:
         own = result.sel(strain_energy=law)
         names, verdict = result["specimen"].values, own["verdict"]
         words = f"the fit of {law} without it is"
-        page.notice_where(BAD, f"{words} {UNRELIABLE}", names, verdict == UNRELIABLE)
-        page.notice_where(CAUTION, f"{words} {DOUBTFUL}", names, verdict == DOUBTFUL)
-        unknown = own["log_score"].isnull()
-        page.notice_where(CAUTION, f"the score with {law} is unknown", names, unknown)
+        more = "Cross-validate again with more draws"
+        page.notice_where(BAD, f"{words} {UNRELIABLE}", more, names, verdict == UNRELIABLE)
+        page.notice_where(CAUTION, f"{words} {DOUBTFUL}", more, names, verdict == DOUBTFUL)
+        unknown, words = own["log_score"].isnull(), f"the score with {law} is unknown"
+        page.notice_where(CAUTION, words, "Read the error of these specimens", names, unknown)
     if result.sizes["specimen"] < _FEW:
         count = plural(result.sizes["specimen"], "specimen")
-        page.notice(NOTE, f"{count} cannot show well how reliable probabilities are")
+        words = f"{count} cannot show well how reliable probabilities are"
+        page.notice(NOTE, words, "Read the scores as estimates with a large error")
 
 
 def show_cross_validation(result: xr.Dataset, page: Page) -> None:
@@ -52,13 +56,19 @@ def show_cross_validation(result: xr.Dataset, page: Page) -> None:
         known = own.isel(specimen=np.flatnonzero(own["log_score"].notnull().values))
         if known.sizes["specimen"]:
             scored = score_probabilities(known["class_probability"], known["true_class"])
-            numbers = ("mean_log_score", "mean_brier_score", "accuracy")
-            means = [f"{n.replace('_', ' ')} {short(float(scored[n]))}" for n in numbers]
+            right = int(scored["accuracy"].item() * known.sizes["specimen"] + 0.5)
+            score = float(scored["mean_log_score"])
+            page.findings.append(
+                f"With the law {law}, {right} of {plural(known.sizes['specimen'], 'specimen')} "
+                "that were left out were assigned to the right group; the mean log score is "
+                f"{in_words(Estimate(score, _standard_error(known)))} (guessing: "
+                f"{short(-np.log(known.sizes['class_label']))})."
+            )
             page.figure(
                 f"Reliability of class probabilities, {law}",
                 plot_reliability,
                 scored.sel(forecast=["most probable class"]),
-                note=f"{', '.join(means).capitalize()}.",
+                note=f"The mean Brier score is {short(float(scored['mean_brier_score']))}.",
             )
     table = result.copy()
     table["verdict"] = table["verdict"].where(table["verdict"] != "", "unknown")
@@ -71,4 +81,14 @@ def show_cross_validation(result: xr.Dataset, page: Page) -> None:
             f"probability of {label}",
             of_class.transpose("strain_energy", "specimen").values.ravel(),
         )
-    page.table("Specimens that were left out", frame)
+    note = (
+        "The log score is the logarithm of the probability of the true group, at most 0. The Brier "
+        "score is the sum of squared errors of the probabilities, at least 0."
+    )
+    page.table("Specimens that were left out", frame, note)
+
+
+def _standard_error(known: xr.Dataset) -> float:
+    """Return the standard error of the mean log score; infinite with one specimen."""
+    scores = known["log_score"].values
+    return float(np.std(scores, ddof=1) / len(scores) ** 0.5) if len(scores) > 1 else np.inf

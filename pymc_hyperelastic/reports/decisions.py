@@ -9,17 +9,18 @@ from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
+from pymc_hyperelastic.reports.meanings import NATS, PARETO_K
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
     Page,
     frame_of,
+    in_words,
     listed,
     plural,
-    short,
 )
-from pymc_hyperelastic.rounding import DIGITS
+from pymc_hyperelastic.rounding import DIGITS, short
 
 # P-value below which a specimen is atypical of a class.
 _ATYPICAL = 0.05
@@ -31,14 +32,20 @@ _MOST_SHOWN = 200
 _CLEAR = 0.95
 # Different error messages that are listed at most.
 _MOST_MESSAGES = 10
-_COLUMNS = (
-    "name group decision class_label class_probability class_probability_se log_evidence "
-    "log_evidence_se pareto_k p_value method"
+_LAW_COLUMNS = "strain_energy strain_energy_probability strain_energy_log_evidence"
+# Decisions that name no class, in words of the table and the summary.
+_NO_CLASS = {
+    "": "not classified",
+    "none of these": "none of these classes",
+    "undecided": "undecided",
+    "cannot be judged": "cannot be judged",
+}
+_P_VALUE = (
+    "A p-value is the probability that a specimen of the class is at least as unusual as this "
+    f"one; below {_ATYPICAL} the specimen is atypical of the class."
 )
-_LAW_COLUMNS = (
-    "strain_energy strain_energy_probability strain_energy_probability_se "
-    "strain_energy_log_evidence strain_energy_log_evidence_se"
-)
+_UNITS = {"specimen": "new specimen", "test": "new experiment"}
+_MEASURE_MORE = "Measure more curves of these specimens, or more specimens of each group"
 
 
 def unit_of(result: xr.Dataset) -> str:
@@ -73,12 +80,12 @@ def warn_of_messages(result: xr.Dataset, page: Page) -> None:
         messages = result[variable].values.astype(str)
         different = sorted({*messages.tolist()} - {""})
         for message in different[:_MOST_MESSAGES]:
-            page.notice(CAUTION, f"{listed(names[messages == message])}: {message}")
+            words = f"{listed(names[messages == message])}: {message}"
+            page.notice(CAUTION, words, "Look at the data of these specimens")
         rest = np.isin(messages, different[_MOST_MESSAGES:])
         if rest.any():
-            page.notice(
-                CAUTION, f"{listed(names[rest])}: other messages in the variable {variable}"
-            )
+            words = f"{listed(names[rest])}: other messages in the variable {variable}"
+            page.notice(CAUTION, words, "Read that variable of the result")
 
 
 def _check_decisions(result: xr.Dataset, page: Page) -> None:
@@ -94,34 +101,43 @@ def _check_decisions(result: xr.Dataset, page: Page) -> None:
     unknown = np.isnan(table["class_probability"]).any(axis=1) & judged & ~failed_of(result)
     errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
     infinite = np.any([np.isinf(error).any(axis=1) for error in errors], axis=0)
+    more_draws = "Fit the classes again with more draws"
+    data = "Look at the curves of these specimens for errors, and at the units"
     cases = [
-        (BAD, "cannot be judged", ~judged),
-        (CAUTION, "looks like none of the classes", decision == "none of these"),
-        (CAUTION, "undecided", decision == "undecided"),
-        (CAUTION, "not classified, for example after an interrupt", unknown),
-        (BAD, "the error of a probability or evidence is infinite", infinite),
+        (BAD, "cannot be judged", f"{data}. {more_draws}", ~judged),
+        (CAUTION, "looks like none of the classes", data, decision == "none of these"),
+        (CAUTION, "undecided", _MEASURE_MORE, decision == "undecided"),
+        (
+            CAUTION,
+            "not classified, for example after an interrupt",
+            "Call ph.classify again with the same store",
+            unknown,
+        ),
+        (BAD, "the error of a probability or evidence is infinite", more_draws, infinite),
     ]
     if "pareto_k" in table:
         heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
         words = f"a few weights dominate an evidence (Pareto shape of {LARGEST_PARETO_K} or more)"
-        cases.append((CAUTION, words, heavy))
+        cases.append((CAUTION, words, more_draws, heavy))
     if "p_value" in table:
         atypical = (table["p_value"] < _ATYPICAL).all(axis=1)
-        cases.append((CAUTION, f"atypical of all classes (p-values below {_ATYPICAL})", atypical))
+        words = f"atypical of all classes (p-values below {_ATYPICAL})"
+        cases.append((CAUTION, words, f"{data}. Do not trust their class probabilities", atypical))
     else:
         page.notice(
             CAUTION,
             "the classes have no variability: all specimens of a class share one set of "
             "parameters. If specimens differ, class probabilities are overconfident",
+            'Fit the classes with variability="specimen"',
         )
     names = names_of(result)
-    for level, words, where in cases:
-        page.notice_where(level, words, names, where)
+    for level, words, todo, where in cases:
+        page.notice_where(level, words, todo, names, where)
     if "class_verdict" in result:
         for label, verdict in result["class_verdict"].to_series().items():
             if verdict != VERDICTS[0]:
                 level = BAD if verdict == VERDICTS[-1] else CAUTION
-                page.notice(level, f"the fit of class {label} is {verdict}")
+                page.notice(level, f"the fit of class {label} is {verdict}", more_draws)
 
 
 def show_classified(result: xr.Dataset, page: Page) -> None:
@@ -131,6 +147,7 @@ def show_classified(result: xr.Dataset, page: Page) -> None:
     _check_decisions(result, page)
     _add_methods(result, page)
     unit = unit_of(result)
+    page.findings.append(_finding(result))
     if result.sizes[unit] > _MOST_SHOWN:
         result = _least_clear(result, page)
     count = result.sizes[unit]
@@ -151,13 +168,55 @@ def show_classified(result: xr.Dataset, page: Page) -> None:
         page.table("Strain energies in the average", frame)
 
 
-def _show_decisions(result: xr.Dataset, page: Page) -> None:
+def _finding(result: xr.Dataset) -> str:
+    """Return a sentence on the decisions, and the probabilities of the most probable classes."""
     unit = unit_of(result)
+    decision = pd.Series(result["decision"].values.astype(str)).replace(_NO_CLASS)
+    counts = listed([f"{n} {words}" for words, n in decision.value_counts(sort=False).items()])
+    found = f"Decisions on {plural(len(decision), _UNITS[unit])}: {counts}"
+    best = result["class_probability"].fillna(0.0).argmax("class_label")
+    highest = frame_of(result.isel(class_label=best), "class_label class_probability", unit)
+    known = [estimate for estimate in highest["class probability"] if estimate.value >= 0]
+    if not known:
+        return f"{found}."
+    if len(decision) == 1:
+        name, chance = highest["class label"][0], in_words(known[0], "probability")
+        found = f"Decision on {names_of(result)[0]}: {decision[0]}"
+        return f"{found}; the most probable class, {name}, has the probability {chance}."
+    low, high = (in_words(f(known).value, "probability") for f in (min, max))
+    return f"{found}; the most probable classes have probabilities from {low} to {high}."
+
+
+def _show_decisions(result: xr.Dataset, page: Page) -> None:
+    """Add a table with a row for each specimen, and its probability and p-value of each class."""
+    unit = unit_of(result)
+    frame = pd.DataFrame({"specimen": names_of(result)}, dtype=object)
+    if "group" in result.coords:
+        frame["group"] = result["group"].values.astype(str)
+    frame["decision"] = [
+        _NO_CLASS.get(d, d) for d in result["decision"].values.astype(str).tolist()
+    ]
+    note = "The error is the standard error of the computation, from the number of draws."
+    for name, heading in (("class_probability", "probability of"), ("p_value", "p-value in")):
+        for label in result["class_label"].values.tolist() if name in result else ():
+            own = frame_of(result.sel(class_label=label, drop=True), name, unit)
+            frame[f"{heading} {label}"] = own.iloc[:, 0]
+    if "p_value" in result:
+        note += f" {_P_VALUE}"
+    page.table("Decisions and probabilities", frame, note, keep="decision")
+
+
+def show_diagnosis(result: xr.Dataset, page: Page) -> None:
+    """Add how the evidence of each specimen under each class was computed."""
+    unit = unit_of(result)
+    if result.sizes[unit] > _MOST_SHOWN:
+        return
     labels = [name for name in ("specimen", unit) if name in result.coords]
-    table = result.reset_coords(["group"] if "group" in result.coords else [])
-    table = table.drop_vars(labels).assign(name=(unit, names_of(result)))
-    table["decision"] = table["decision"].where(table["decision"] != "", "not classified")
-    page.table("Decisions and probabilities", frame_of(table, _COLUMNS, unit, "class_label"))
+    table = result.drop_vars(labels).assign(name=(unit, names_of(result)))
+    table = table.rename(class_label="class")
+    names = "name class log_evidence pareto_k method"
+    frame = frame_of(table, names, unit, "class")
+    page.table("Evidence of each specimen", frame, f"{NATS} {PARETO_K}")
 
 
 def show_explanation(result: xr.Dataset, page: Page) -> None:

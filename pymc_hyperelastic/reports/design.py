@@ -5,36 +5,40 @@ import xarray as xr
 from pymc_hyperelastic.classes.quantities import MOST_LACKING
 from pymc_hyperelastic.design.information import MOST_UNSURE
 from pymc_hyperelastic.plots.information import plot_information
+from pymc_hyperelastic.reports.meanings import quantity_in_words
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
-from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, listed, short
+from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, in_words, listed
+from pymc_hyperelastic.rounding import short
 
 # Standard errors of the difference within which a design may be as good as the best one.
 _ERRORS = 2
+_TODO = {"lacking": "Plan lower pressures or stretches", "unsure": "Repeat with more draws"}
 
 
 def _check_designs(result: xr.Dataset, page: Page) -> None:
     """Add notices on designs that are as good as the best, and on specimens that are left out."""
     warn_of_simulated(result.attrs, page)
     if "words" in result.attrs:
-        page.notice(NOTE, result.attrs["words"])
+        page.notice(NOTE, result.attrs["words"], "")
     names = result["design"].values.tolist()
     best, *others = names
     near = (result["difference"] + _ERRORS * result["difference_se"]).values[1:] >= 0
     if near.any():
         designs = listed([name for name, is_near in zip(others, near, strict=True) if is_near])
         words = f"{designs} may be as good as {best}: the difference is within two standard errors"
-        page.notice(NOTE, words)
+        page.notice(NOTE, words, "Choose by cost, or repeat with more specimens")
     for variable, limit, words in (
         (
             "lacking",
             MOST_LACKING,
             "of the specimens cannot be tested in this way, and are left out",
         ),
-        ("unsure", MOST_UNSURE, "of the specimens have few effective draws: increase draws"),
+        ("unsure", MOST_UNSURE, "of the specimens have few effective draws"),
     ):
         for name, share in zip(names, result[variable].values.tolist(), strict=True):
             if share > limit:
-                page.notice(CAUTION, f"{share:.1%} {words}", f"{page.title}, {name}")
+                todo = _TODO[variable]
+                page.notice(CAUTION, f"{share:.1%} {words}", todo, f"{page.title}, {name}")
 
 
 def show_designs(result: xr.Dataset, page: Page) -> None:
@@ -48,11 +52,18 @@ def show_designs(result: xr.Dataset, page: Page) -> None:
     )
     what = f"Expected information of planned tests about the {about} of a new specimen"
     page.figure(what, plot_information, result, note="Lines: ± two standard errors.")
-    names = (
-        "design tests information information_se difference difference_se change_by_half "
-        "change_by_half_se"
+    names = "design tests information difference change_by_half"
+    note = (
+        "One nat of information is worth as much as narrowing a range of equally probable values "
+        "to 1/2.7 of its width. The difference is that from the first design. The change by half "
+        "is the change of the estimate with half of the draws: it should be small."
     )
-    page.table(f"{what}, in nats", frame_of(result, names, "design"))
+    frame = frame_of(result, names, "design")
+    page.table(f"{what}, in nats", frame, note)
+    page.findings.append(
+        f"Of the planned tests, {result['design'].values[0]} tells most about the {about} of a new "
+        f"specimen: {in_words(frame['information'][0])} nats are expected."
+    )
     if about == "class":
         most = short(float(result.attrs["entropy"]))
         page.text(f"Certain knowledge of the class would be {most} nats.")
@@ -65,6 +76,7 @@ def show_plan(result: xr.Dataset, page: Page) -> None:
     page.notice(
         NOTE,
         f"shares are those of {studies}, with parameters from the posterior of the pilot study",
+        "",
     )
     page.methods.append(
         f"The number of specimens was planned by assurance: the results for differences in "
@@ -73,9 +85,13 @@ def show_plan(result: xr.Dataset, page: Page) -> None:
         "from the posterior of the pilot study."
     )
     prob = f"{100 * float(result.attrs['interval']):.3g} %"
-    names = (
-        "quantity unit comparison specimens width width_se width_interval decided decided_se "
-        "wrong covered"
+    names = "quantity unit comparison specimens width width_interval decided wrong covered"
+    most = result.isel(specimens=[-1])
+    width = frame_of(most, "width_interval", "quantity", "comparison", "specimens").iloc[0, 0]
+    page.findings.append(
+        f"With {most['specimens'].item()} specimens per group, the {prob} interval of the "
+        f"difference in {quantity_in_words(result['quantity'].values[0])} is expected to be "
+        f"{in_words(width)} wide."
     )
     page.table(
         "Expected results for differences",
@@ -87,6 +103,6 @@ def show_plan(result: xr.Dataset, page: Page) -> None:
     )
     page.table(
         "Expected classification of new specimens",
-        frame_of(result, "specimens log_score log_score_se", "specimens"),
+        frame_of(result, "specimens log_score", "specimens"),
         f"The best attainable mean log score is {short(float(result['best_log_score']))}.",
     )

@@ -1,5 +1,6 @@
 """Inflation data in a report: a table of specimens, and the curves."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,23 +15,39 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports.page import NOTE, Page, plural, short
+from pymc_hyperelastic.reports.page import NOTE, Page, listed, plural
+from pymc_hyperelastic.rounding import short
 
 # Heading and unit, in units of the package, of each quantity of the table.
 _QUANTITIES = {
     "axial_stretch": ("axial stretch", 1.0),
     "axial_force": ("axial force (mN)", 1.0),
-    "inner_radius": ("inner radius at rest (mm)", 1.0),
-    "outer_radius": ("outer radius at rest (mm)", 1.0),
+    "inner_radius": ("inner radius without load (mm)", 1.0),
+    "outer_radius": ("outer radius without load (mm)", 1.0),
     "opening_angle": ("opening angle (°)", np.pi / 180),
 }
+
+
+def tube_in_words(sizes: Mapping[str, float]) -> str:
+    """Return the sizes of a tube in words.
+
+    >>> tube_in_words({"inner_radius": 3.783, "opening_angle": 1.0})
+    'inner radius without load 3.783 mm and opening angle 57.3°'
+    """
+    words = []
+    for name, size in sizes.items():
+        heading, unit = _QUANTITIES.get(name, (name.replace("_", " "), 1.0))
+        text, _, of = heading.removesuffix(")").partition(" (")
+        words.append(f"{text} {short(size / unit)} {of}".rstrip().replace(" °", "°"))
+    return listed(words)
 
 
 def warn_of_simulated(attrs: Any, page: Page) -> None:
     """Add a notice if data are simulated."""
     if attrs.get("simulated"):
         title = attrs.get("title") or page.title
-        page.notice(NOTE, "these data are simulated, not measured", subject=title)
+        todo = "Do not report the results as those of vessels"
+        page.notice(NOTE, "these data are simulated, not measured", todo, title)
 
 
 def show_measurements(data: xr.Dataset, page: Page) -> None:
@@ -38,13 +55,13 @@ def show_measurements(data: xr.Dataset, page: Page) -> None:
     with page.catching(page.title):
         check_inflation_data(data)
     warn_of_simulated(data.attrs, page)
-    if any(isinstance(shown, xr.Dataset) and data.identical(shown) for shown in page.shown):
+    if any(data.identical(shown) for shown in page.data):
         return
-    page.shown.append(data)
+    page.data.append(data)
     texts = [data.attrs.get(name) for name in ("title", "description", "source")]
     words = " ".join(f"{str(text).rstrip('.')}." for text in texts if text)
     if words and words not in page.shown:
-        page.shown.append(words)
+        page.shown.add(words)
         page.text(words)
     specimens = specimens_apart(data)
     rows = [_specimen_row(name, own, page.at.pressure_unit) for name, own in specimens.items()]

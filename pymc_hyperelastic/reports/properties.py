@@ -1,5 +1,6 @@
 """Elastic properties in a report, at pressures that were measured or that the user gave."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,17 +15,23 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
 from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.quantities import unit_text
 from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data
-from pymc_hyperelastic.reports.page import Page, interval_ends
+from pymc_hyperelastic.reports.measurements import tube_in_words
+from pymc_hyperelastic.reports.page import Interval, Page, in_words, listed
+from pymc_hyperelastic.rounding import short
 
 Array = NDArray[np.float64]
+# Intervals of properties by words, unit and pressure.
+_Intervals = dict[tuple[str, str, float], Interval]
 
 # Pressures of the table, unless the user gives them.
 _IN_TABLE = 3
 # Pressures of the figure.
 _IN_FIGURE = 25
+# Probability of the intervals, as the page shows it.
+_PROB = f"{100 * PROB:.3g} %"
 # Draws of a class in the figure: more are slow, and change no line visibly.
 _DRAWN = 1000
 _PROPERTIES = [
@@ -46,14 +53,15 @@ def show_properties(result: xr.DataTree, page: Page) -> None:
     if at.pressure is None:
         span = _common_pressures(data)
         if span is None:
-            page.text("There is no pressure that all experiments reached.")
+            page.text(
+                "Elastic properties are not shown: there is no pressure that all experiments "
+                "reached. To show them, give ph.report pressures, as in at=[10, 12]."
+            )
             return
         pressures = np.linspace(*span, _IN_TABLE) * per_kilopascal(at.pressure_unit)
         at = replace(at, pressure=pressures)
     middle = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
-    of_tube = "The tube is the median of the measured ones. " if middle else ""
-    if at.tube is not None:
-        of_tube = f"The tube is {at.tube}, with medians of what it does not state. "
+    of_tube = _tube_sentence(middle, at.geometry())
     at = replace(at, pressure_range=None, tube=Tube(**middle | at.geometry()))
     pressures = at.pressures
     if np.ptp(pressures) > 0:
@@ -67,29 +75,66 @@ def show_properties(result: xr.DataTree, page: Page) -> None:
             warned=False,  # the table gives the same warnings, for all draws
             ci_prob=PROB,
         )
-    tables = []
+    found = {}
     for name, tree in classes.items():
         with page.catching(f"Elastic properties of {page.title}"):
-            properties = tube_properties(tree, at)
-            tables.append(_table(name, properties, at))
-    if tables:
-        page.table("Elastic properties", pd.concat(tables), of_tube.strip())
+            found[name] = _intervals(tube_properties(tree, at), pressures)
+    if found:
+        _show_table(found, at.pressure_unit, of_tube, page)
+        _summarise(found, at.pressure_unit, page)
 
 
-def _table(name: str, properties: xr.Dataset, at: Conditions) -> pd.DataFrame:
-    """Return median and interval of each property at each pressure, by finite draws."""
-    quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
+def _tube_sentence(middle: Mapping[str, float], given: Mapping[str, float]) -> str:
+    """Describe the tube of the properties, from medians of measured tubes and given sizes."""
+    if not middle and not given:
+        return ""
+    medians = "; other sizes are medians of the measured tubes" if given else ", medians"
+    return f"All properties are those of one tube ({tube_in_words({**middle, **given})}{medians}). "
+
+
+def _show_table(found: Mapping[str, _Intervals], unit: str, of_tube: str, page: Page) -> None:
+    """Add a table with a row for each property and pressure, and a column for each class."""
+    what = f"median ({_PROB} interval)"
+    headings = {name: f"class {name}" if len(found) > 1 else what for name in found}
     rows = []
-    for i, pressure in enumerate(at.pressures.tolist()):
+    for words, of, pressure in next(iter(found.values())):
+        row = {"property": words, f"pressure ({unit})": pressure, "unit": of}
+        rows.append(row | {headings[name]: own[words, of, pressure] for name, own in found.items()})
+    note = f"{what.capitalize()} of the posterior. " if len(found) > 1 else ""
+    page.table("Elastic properties", pd.DataFrame(rows), f"{note}{of_tube}".strip())
+
+
+def _summarise(found: Mapping[str, _Intervals], unit: str, page: Page) -> None:
+    """Note the first property at the middle pressure, and the least certain property."""
+    places = [*next(iter(found.values()))]
+    middle = places[len(places) // (2 * len(_PROPERTIES)) * len(_PROPERTIES)]
+    values = [f"{in_words(own[middle])} in {name}" for name, own in found.items()]
+    words, of, pressure = middle
+    page.values.append(
+        f"The {words} at {short(pressure)} {unit} is {listed(values)}, in {of} (median, {_PROB} "
+        "interval)."
+    )
+    for name, own in found.items():
+        for (words, of, pressure), interval in own.items():
+            page.uncertain(interval, f"the {words} of {name} at {short(pressure)} {unit}", of)
+
+
+def _intervals(properties: xr.Dataset, pressures: Array) -> _Intervals:
+    """Return median and interval of each property, by its words, unit and pressure.
+
+    Draws that are not finite are left out.
+    """
+    quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
+    found: _Intervals = {}
+    for i, pressure in enumerate(pressures.tolist()):
         for key in _PROPERTIES:
             draws = properties[key].isel(pressure=i).values
             known = draws[np.isfinite(draws)]
             numbers = np.quantile(known, quantiles) if known.size else np.full(3, np.nan)
             attrs = properties[key].attrs
-            unit = attrs["units"].replace("mm2", "mm²")
-            rows.append([attrs["long_name"], name, pressure, unit, *numbers.tolist()])
-    columns = ["property", "class", f"pressure ({at.pressure_unit})", "unit", "median"]
-    return pd.DataFrame(rows, columns=[*columns, *interval_ends(PROB)])
+            place = attrs["long_name"], unit_text(attrs["units"]), pressure
+            found[place] = Interval(*numbers.tolist())
+    return found
 
 
 def _common_pressures(data: list[xr.Dataset]) -> tuple[float, float] | None:

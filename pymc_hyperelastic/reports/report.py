@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
-from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
+from pymc_hyperelastic.reports import comparison, decisions, diagnosis
 from pymc_hyperelastic.reports.cohort import (
     show_cohort_evidence,
     show_cohort_posteriors,
@@ -24,11 +24,13 @@ from pymc_hyperelastic.reports.comparison import show_comparison
 from pymc_hyperelastic.reports.cross_validation import show_cross_validation
 from pymc_hyperelastic.reports.decisions import show_classified, show_explanation
 from pymc_hyperelastic.reports.design import show_designs, show_plan
-from pymc_hyperelastic.reports.fits import show_evidence, show_fits, show_posteriors, show_training
+from pymc_hyperelastic.reports.fits import show_fits, show_parameters, show_training
 from pymc_hyperelastic.reports.measurements import show_measurements
-from pymc_hyperelastic.reports.page import BAD, LEVELS, Page, listed
+from pymc_hyperelastic.reports.page import BAD, Page, listed
 from pymc_hyperelastic.reports.properties import show_properties
 from pymc_hyperelastic.reports.settings import add_methods, show_settings
+from pymc_hyperelastic.reports.summary import show_laws, summarise
+from pymc_hyperelastic.reports.versions import show_versions, versions_of
 
 # Beginning of the sentence on a strain energy, and that on a further one.
 _MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
@@ -36,15 +38,15 @@ _MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
 # end; those of fits are written first.
 CHAPTERS = {
     "methods": "Methods",
-    "evidence": "Evidence and its diagnosis",
     "data": "Data",
-    "fits": "Fits",
-    "posteriors": "Posteriors",
-    "classes": "Classes and decisions",
-    "differences": "Differences between groups",
+    "fits": "Fit of the model to the data",
+    "parameters": "Parameters",
     "properties": "Elastic properties",
+    "differences": "Differences between groups",
+    "classes": "Decisions on specimens",
     "design": "What to measure next",
-    "settings": "Settings",
+    "diagnosis": "Technical diagnosis",
+    "settings": "Settings and versions",
 }
 
 
@@ -63,9 +65,9 @@ COHORT = Kind(
     "Fitted cohort",
     "posterior evidence",
     {
-        "evidence": show_cohort_evidence,
-        "posteriors": show_cohort_posteriors,
+        "parameters": show_cohort_posteriors,
         "properties": show_cohort_properties,
+        "diagnosis": show_cohort_evidence,
     },
 )
 CLASSES = Kind(
@@ -73,15 +75,19 @@ CLASSES = Kind(
     "posterior",
     {
         "methods": add_methods,
-        "evidence": show_evidence,
         "data": show_training,
         "fits": show_fits,
-        "posteriors": show_posteriors,
+        "parameters": show_parameters,
         "properties": show_properties,
+        "diagnosis": diagnosis.show_diagnosis,
         "settings": show_settings,
     },
 )
-CLASSIFIED = Kind("Classified", "class_probability decision", {"classes": show_classified})
+CLASSIFIED = Kind(
+    "Classified",
+    "class_probability decision",
+    {"classes": show_classified, "diagnosis": decisions.show_diagnosis},
+)
 TABLES = (
     Kind(
         "Cross-validation", "log_score true_class class_label", {"classes": show_cross_validation}
@@ -89,7 +95,9 @@ TABLES = (
     CLASSIFIED,
     Kind("Explanation", "log_ratio_part rival class_label", {"classes": show_explanation}),
     Kind(
-        "Comparison of groups", "difference comparison quantity", {"differences": show_comparison}
+        "Comparison of groups",
+        "difference comparison quantity",
+        {"differences": show_comparison, "diagnosis": comparison.show_diagnosis},
     ),
     Kind("Planned tests", "information design tests", {"design": show_designs}),
     Kind("Planned study", "width decided specimens", {"design": show_plan}),
@@ -108,9 +116,11 @@ def report(
 ) -> Path:
     """Write a report of results: one HTML file for the screen and for paper.
 
-    Warnings and diagnoses come first. Then the report shows, as far as the results hold them, data,
-    fits, posteriors, decisions, differences and elastic properties in figures and tables. At the
-    end are the settings, a paragraph on the methods for an article, and how to cite the package.
+    The report begins with a summary of the data, the result and its limits, and with warnings, each
+    of which says what to do. Then it shows, as far as the results hold them, data, fits,
+    parameters, elastic properties, differences and decisions in figures and tables. At the end are
+    the technical diagnosis, settings, versions and checksums, a paragraph on the methods for an
+    article, and how to cite the package.
 
     Parameters
     ----------
@@ -176,16 +186,17 @@ def report(
         {
             "anchor": anchor,
             "title": chapter,
-            "parts": [(name, _blocks(name, each, anchor, page)) for name, each in results.items()],
+            "parts": [(name, _blocks(name, each, anchor, page)) for name, each in results.items()]
+            + _parts_of_all(results, anchor, page),
         }
         for anchor, chapter in CHAPTERS.items()
     ]
     _check_classes(results, page)
-    page.notices.sort(key=lambda notice: LEVELS.index(notice.level))
     html = template.render(
         title=title or _title_of(results),
         results=[f"{name} ({kind_of(each).title.lower()})" for name, each in results.items()],
         page=page,
+        summary=summarise(page),
         chapters=chapters,
         methods=_methods(page.methods, results),
         version=version("pymc-hyperelastic"),
@@ -260,6 +271,21 @@ def _blocks(title: str, result: Any, anchor: str, page: Page) -> list[dict[str, 
     return page.blocks
 
 
+def _parts_of_all(
+    results: Mapping[str, Any], anchor: str, page: Page
+) -> list[tuple[str, list[dict[str, Any]]]]:
+    """Write what concerns several results in a chapter: the probability of laws, and versions."""
+    page.title, page.blocks = "", []
+    fits = {name: each for name, each in results.items() if kind_of(each) is CLASSES}
+    if anchor == "fits" and len(fits) > 1:
+        with page.catching("Probability of each law"):
+            show_laws(fits, page)
+    if anchor == "settings":
+        kinds = {name: kind_of(each).title.lower() for name, each in results.items()}
+        show_versions(results, kinds, page)
+    return [("All results", page.blocks)]
+
+
 def _check_classes(results: Mapping[str, Any], page: Page) -> None:
     """Add a notice if decisions were made with other classes than those on the page."""
     classes = {
@@ -273,9 +299,9 @@ def _check_classes(results: Mapping[str, Any], page: Page) -> None:
                 if not are_of_classes(result, [*classes.values()]):
                     words = (
                         f"the decisions were made with other classes than {listed([*classes])} on "
-                        "this page. Classify again"
+                        "this page"
                     )
-                    page.notice(BAD, words, title)
+                    page.notice(BAD, words, "Classify again with these classes", title)
 
 
 def _template() -> Any:
@@ -309,10 +335,8 @@ def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
         paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
     versions: dict[str, list[str]] = {}
     for result in results.values():
-        trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
-        for tree in trees:
-            for name, number in read_json(tree, "versions", {}).items():
-                versions.setdefault(name, []).append(str(number))
+        for name, numbers in versions_of(result).items():
+            versions.setdefault(name, []).extend(numbers)
     if versions:
         used = [f"{name} {' or '.join(dict.fromkeys(n))}" for name, n in versions.items()]
         paragraph.append(f"Models were sampled with {listed(used)}.")

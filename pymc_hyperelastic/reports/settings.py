@@ -27,7 +27,9 @@ from pymc_hyperelastic.models.settings import (
 )
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.page import Page, listed, plural, short
+from pymc_hyperelastic.reports.meanings import coordinate_in_words, meaning_of
+from pymc_hyperelastic.reports.page import Page, listed, plural
+from pymc_hyperelastic.rounding import short
 
 # Methods by which specimens are integrated, as an article names them.
 _METHODS = {"importance": "importance sampling", "bridge": "bridge sampling"}
@@ -60,7 +62,7 @@ def settings_of(tree: xr.DataTree) -> Settings:
             hierarchical = HierarchicalClass.from_settings(stored)
     likelihood = stored.make_likelihood() if stored else None
     return Settings(
-        _known_wall(first),
+        known_wall(first),
         hierarchical,
         specimens_differ(first),
         likelihood.in_words if likelihood else "",
@@ -71,12 +73,25 @@ def settings_of(tree: xr.DataTree) -> Settings:
     )
 
 
-def _known_wall(tree: xr.DataTree) -> list[NamedLayer]:
+def known_wall(tree: xr.DataTree) -> list[NamedLayer]:
     """Return the layers of the wall, from the inside out; none if a law is unknown."""
     try:
         return wall_of(tree)
     except ValueError:
         return []
+
+
+def reference_stress_of(tree: xr.DataTree) -> float | None:
+    """Return the stress at which the specimens of a class are compared, kPa, if there is one."""
+    stored = model_settings_of(tree)
+    return stored.reference_stress if stored else None
+
+
+def uses_forces(tree: xr.DataTree) -> bool:
+    """Return False if the likelihood of a result is known not to include axial forces."""
+    stored = model_settings_of(tree)
+    known = stored.likelihood if stored else None
+    return known is None or bool({"force_sd", "force_sigma"} & known.keys())
 
 
 def _priors_of(
@@ -137,7 +152,7 @@ def units_of(tree: xr.DataTree) -> dict[str, str]:
     stated: Mapping[str, str] = read_json(tree, "units", {})
     if not all(isinstance(unit, str) for unit in stated.values()):
         raise damaged(tree, f"its attribute 'units' is {shown(stated)}; expected the unit of each")
-    units = {p.name: p.unit for layer in _known_wall(tree) for p in layer.energy.parameters}
+    units = {p.name: p.unit for layer in known_wall(tree) for p in layer.energy.parameters}
     units |= {name: size.unit for name, size in SIZES.items()} | dict(stated)
     return {name: unit.replace("mm2", "mm²") for name, unit in units.items()}
 
@@ -159,8 +174,10 @@ def show_settings(result: xr.DataTree, page: Page) -> None:
     if kind := settings.hierarchical:
         rows += [
             ("variability", "each specimen has parameters of its own"),
-            ("coordinates of specimens", ", ".join(kind.scale.names)),
-            ("reference stress (kPa)", kind.variability.reference_stress or "none"),
+            (
+                "normally distributed between specimens",
+                "; ".join(_coordinates(kind)),
+            ),
             (
                 "experiments on a specimen",
                 "differ by a random effect"
@@ -195,7 +212,7 @@ def add_methods(result: xr.DataTree, page: Page) -> None:
         page.methods.append(_data_sentence(data, specimens))
         if any("axial_force" in d for d in data.values()):
             page.methods.append("Axial forces were measured too.")
-            if settings.likelihood and "force_sd" not in settings.likelihood:
+            if not all(map(uses_forces, trees.values())):
                 page.methods.append("The likelihood does not include them.")
     page.methods += _model_sentences(settings, max(specimens.values(), default=1) > 1)
     page.methods.append(_sampling_sentence(settings, trees.values()))
@@ -226,13 +243,9 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
     else:
         sentences = [f"{tube} with {laws[0]}."]
     if kind := settings.hierarchical:
-        stress = kind.variability.reference_stress
-        at = f" at a reference stress of {short(stress)} kPa" if stress is not None else ""
-        names = kind.scale.names
-        of = "the coordinate" if len(names) == 1 else "the coordinates"
         sentences.append(
             "The parameters of each specimen were drawn from the distribution of its class, a "
-            f"normal distribution of {of} {listed(names)}{at}."
+            f"normal distribution of {listed(_coordinates(kind))}."
         )
         if kind.variability.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
@@ -241,13 +254,28 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
     elif several:
         sentences.append("All specimens of a class shared one set of parameters.")
     if settings.likelihood:
-        words = f"Measurement errors were normal, with the likelihood {settings.likelihood}."
-        sentences.append(words)
+        sentences.append(f"Measurement errors were normal: {settings.likelihood}.")
     if settings.priors:
-        priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
+        named = {_named(name, settings): prior for name, prior in settings.priors.items()}
+        priors = [f"{prior} for {name}" for name, prior in named.items()]
         start = "The prior was" if len(priors) == 1 else "Priors were"
         sentences.append(f"{start} {', '.join(priors)}.")
     return sentences
+
+
+def _named(name: str, settings: Settings) -> str:
+    """Return what an unknown of a class means, or the name of a parameter."""
+    if not settings.hierarchical:
+        return name
+    stress = settings.hierarchical.variability.reference_stress
+    meaning = meaning_of(name, settings.wall, stress)
+    return f"the {meaning}" if meaning else name
+
+
+def _coordinates(kind: HierarchicalClass) -> list[str]:
+    """Return the coordinates that are normally distributed between specimens, in words."""
+    stress = kind.variability.reference_stress
+    return [f"the {coordinate_in_words(name, stress)}" for name in kind.scale.names]
 
 
 def law_in_words(energy: StrainEnergy) -> str:
@@ -268,8 +296,8 @@ def _sampling_sentence(settings: Settings, trees: Iterable[xr.DataTree]) -> str:
         by = listed([_METHODS.get(method, method) for method in methods])
         return (
             f"The parameters of each specimen were integrated out{f' by {by}' if by else ''}, and "
-            f"the posterior of the distribution of each class was sampled in {draws}, with its "
-            "evidence."
+            f"the posterior of the distribution of each class was sampled in {draws}, which also "
+            "gives its evidence."
         )
     if all("evidence" in tree.children for tree in trees):
         return (

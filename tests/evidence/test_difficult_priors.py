@@ -99,7 +99,7 @@ def test_chain_whose_particles_hardly_move_ends_early_and_is_not_trusted():
     moves = tree["sample_stats"]["moves"].values[0]
     assert len(moves) > 6 and np.all(moves[:6] == 4) and np.all(moves[6:] == 1)
     assert np.isinf(ph.log_evidence(tree).standard_error)
-    assert "in haste" in tree["diagnosis"].attrs["words"]
+    assert "only once per stage" in tree["diagnosis"].attrs["words"]
 
 
 @pytest.mark.deep

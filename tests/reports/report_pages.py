@@ -9,7 +9,10 @@ VOID = {"meta", "br", "hr", "img", "input", "link", "area", "base", "col", "wbr"
 
 
 class Page(HTMLParser):
-    """Elements, names, text and tables of a page."""
+    """Elements, names, text and tables of a page.
+
+    A cell of a table is a number, a tuple of the numbers of an estimate or an interval, or text.
+    """
 
     def __init__(self, path):
         super().__init__()
@@ -34,7 +37,9 @@ class Page(HTMLParser):
         elif tag in ("td", "th"):
             self._rows[-1].append("")
         elif tag == "data":
-            self._rows[-1][-1] = float(dict(attrs)["value"])
+            number, before = float(dict(attrs)["value"]), self._rows[-1][-1]
+            several = before if isinstance(before, tuple) else (before,)
+            self._rows[-1][-1] = number if before == "" else (*several, number)
 
     def handle_startendtag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))
@@ -64,7 +69,7 @@ class Page(HTMLParser):
             self.headings[-1][1] += data
         if "caption" in self.open:
             self._caption += data
-        elif self.open and self.open[-1] in ("td", "th"):
+        elif self.open and self.open[-1] in ("td", "th") and isinstance(self._rows[-1][-1], str):
             self._rows[-1][-1] += data
 
     @property
@@ -76,9 +81,14 @@ class Page(HTMLParser):
         return [text for tag, text in self.headings if tag == "h2"]
 
     @property
+    def summary(self):
+        """The text between the headings of the summary and of the warnings."""
+        return self.text.split(" Summary ")[1].split(" Warnings ")[0]
+
+    @property
     def warnings(self):
-        """The text before the contents."""
-        return self.text.split(" Contents ")[0]
+        """The text between the headings of the warnings and of the contents."""
+        return self.text.split(" Warnings ")[1].split(" Contents ")[0]
 
     @property
     def methods(self):
@@ -114,4 +124,4 @@ def assert_sound(page):
     levels = [int(tag[1]) for tag, _ in page.headings]
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(after <= before + 1 for before, after in itertools.pairwise(levels))
-    assert page.chapters[:2] == ["Warnings and diagnoses", "Contents"]
+    assert page.chapters[:3] == ["Summary", "Warnings", "Contents"]

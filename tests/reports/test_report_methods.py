@@ -83,7 +83,7 @@ def test_prior_named_after_a_function_of_pymc_is_refused(write_words):
         assert '"Uniform"' in record
         tree.attrs["model_settings"] = record.replace('"Uniform"', json.dumps(name))
         page = write_words({"Fit": tree})
-        assert "“Settings” of Fit: cannot be shown" in page.warnings
+        assert "“Settings and versions” of Fit: cannot be shown" in page.warnings
         assert f"is ['{name}', [0.0, 200.0]]; expected [name, parameters]" in page.warnings
 
 

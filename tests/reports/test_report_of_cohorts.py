@@ -37,6 +37,7 @@ def test_cohort_tables_summarise_its_specimens(write_words, cohort):
     draws, ends = cohort["posterior"]["mu"], [0.025, 0.5, 0.975]
     medians, sd = (f(["chain", "draw"]).values for f in (draws.median, draws.std))
     np.testing.assert_allclose(row[1:], [*np.quantile(medians, ends), np.median(sd)])
+    assert "The law was fitted to 5 specimens, one by one." in page.summary
     _, (_, row) = page.table("Posterior medians of the elastic properties")
     assert row[:3] == ["compliance", "mm²/kPa", 120]
     low, middle, high = cohort["properties"]["compliance"].values[:, 1].T

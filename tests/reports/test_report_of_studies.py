@@ -64,14 +64,21 @@ def page(results, tmp_path_factory):
 
 def test_report_of_a_study_has_all_chapters(page):
     assert_sound(page)
-    chapters = ["Data", "Fits", "Posteriors", "Classes and decisions", "Differences between groups"]
-    assert page.chapters[3:-4] == chapters
+    assert page.chapters[3:-4] == [
+        "Data",
+        "Fit of the model to the data",
+        "Parameters",
+        "Elastic properties",
+        "Differences between groups",
+        "Decisions on specimens",
+    ]
     assert "cannot be shown" not in page.text
     assert len(page.figures) == 9
     assert "Left out: the score with NeoHookean is unknown: B2." in page.warnings
     assert "Left out: the fit of NeoHookean without it is not to be trusted: B1." in page.warnings
-    _, rows = page.table("Specimens that were left out")
-    assert rows[1][2:7] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
+    headings, rows = page.table("Specimens that were left out")
+    assert headings[1] == "true group"  # the law is the same in all rows
+    assert rows[1][1:6] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
     assert "the classes have no variability" not in page.warnings
     assert page.methods.strip().startswith("The inflation curves of 6 specimens")
     for words in (
@@ -86,36 +93,42 @@ def test_report_of_a_study_has_all_chapters(page):
 
 def test_fit_tables_equal_the_results_of_specimens_and_classes(page, results):
     variable = results["Classes"]
-    headings, rows = page.table("Posterior of the parameters")
+    headings, rows = page.table("Parameters: Classes")
     spread = variable["soft"]["posterior"]["spread"].values[..., 0]
-    assert rows[2][:2] == ["soft", "spread[log_reference_strain]"]
-    assert rows[2][headings.index("mean")] == pytest.approx(spread.mean())
+    assert rows[2][0] == "spread[log_reference_strain]"
+    assert rows[2][1].startswith("standard deviation between specimens of the log of the circ")
+    expected = np.quantile(spread, [0.5, 0.025, 0.975])
+    np.testing.assert_allclose(rows[2][headings.index("class soft")], expected)
+    assert "The parameters of the material are those of the typical specimen" in page.text
     assert set(page.column("Elastic properties", "pressure (kPa)")) == {2.0}
-    _, rows = page.table("Best curve of each specimen")
-    assert [row[:2] for row in rows[:3]] == [["A1", "soft"], ["A2", "soft"], ["A3", "soft"]]
-    for place, name in enumerate(["misfit", "freedom", "pareto_k", "standard_error"], start=2):
-        expected = np.concatenate([t["specimens"][name].values for t in variable.children.values()])
-        np.testing.assert_array_equal([row[place] for row in rows], expected)
+    for table, names in {
+        "Best curve of each specimen": ["misfit", "freedom"],
+        "Integral over the parameters of each specimen": ["pareto_k", "standard_error"],
+    }.items():
+        _, rows = page.table(table)
+        assert [row[:2] for row in rows[:3]] == [["A1", "soft"], ["A2", "soft"], ["A3", "soft"]]
+        for place, name in enumerate(names, start=2):
+            values = [t["specimens"][name].values for t in variable.children.values()]
+            np.testing.assert_array_equal([row[place] for row in rows], np.concatenate(values))
 
 
 def test_difference_table_equals_compare_classes(page, results):
     result = results["Compared"].sel(quantity="mu").isel(comparison=0)
     headings, (row,) = page.table("Differences of the typical specimens: Compared")
     typical = result.sel(statistic="typical")
-    interval = typical["difference_interval"].values.tolist()
-    assert row[2:5] == [float(typical["difference"]), *interval]
-    assert row[headings.index("probability of rise")] == float(typical["probability_of_rise"])
-    assert row[headings.index("effect size")] == float(result["effect_size"])
+    for name, heading in {"difference": "difference", "effect_size": "effect size"}.items():
+        numbers = (float(typical[name]), *typical[f"{name}_interval"].values.tolist())
+        assert row[headings.index(f"{heading} (95 % interval)")] == numbers
+    assert row[headings.index("probability of a rise")] == float(typical["probability_of_rise"])
     assert row[headings.index("best accuracy")] == float(result["best_accuracy"])
     _, (row,) = page.table("Bayes factors of different")
-    names = ("log_bayes_factor", "log_bayes_factor_se", "probability_of_difference")
-    assert row[1:] == [float(result[name]) for name in names]
+    factor = (float(result["log_bayes_factor"]), float(result["log_bayes_factor_se"]))
+    assert row[1:] == [factor, float(result["probability_of_difference"])]
     headings, rows = page.table("Values of the groups: Compared")
-    assert headings[-2:] == ["value, 2.5 %", "value, 97.5 %"]
     of_one = result.sel(group="stiff", statistic="mean")
-    (row,) = [r for r in rows if r[2:4] == ["stiff", "mean"]]
-    numbers = [float(of_one["value"]), float(of_one["value_sd"])]
-    assert row[4:] == [*numbers, *of_one["value_interval"].values.tolist()]
+    (row,) = [r for r in rows if r[1] == "mean"]
+    numbers = (float(of_one["value"]), *of_one["value_interval"].values.tolist())
+    assert row[headings.index("group stiff")] == numbers
     assert page.column("Differences of the typical specimens: Curves", "pressure") == [1, 4]
 
 
@@ -128,11 +141,11 @@ def test_planned_tests_are_ranked_by_information(write, write_words):
     near = designs.assign(difference_se=("design", [0.0, 10.0]), lacking=("design", [0.0, 0.07]))
     page = write({"Tests": near})
     assert "cannot be shown" not in page.text
-    assert page.chapters[2:-2] == ["What to measure next"]
+    assert page.chapters[3:-3] == ["What to measure next"]
     _, rows = page.table("Expected information of planned tests about the class")
     assert [row[0] for row in rows] == ["curve", "point"]
     names = ("information", "difference", "change_by_half")
-    expected = [near[name + end].values for name in names for end in ("", "_se")]
+    expected = [np.stack([near[name], near[f"{name}_se"]], axis=-1) for name in names]
     np.testing.assert_array_equal([row[2:] for row in rows], np.stack(expected, axis=1))
     assert f"Tests: {designs.attrs['words']}." in page.warnings
     assert "Tests: point may be as good as curve: the difference is within" in page.warnings
@@ -147,12 +160,14 @@ def test_table_of_planned_studies_equals_plan_study(write_words):
     page = write_words({"Plan": plan})
     _, rows = page.table("Expected results for differences: Plan")
     assert [row[0] for row in rows] == ["mu", "mu", "log mu", "log mu"]
-    assert [row[3] for row in rows] == [4, 12] * 2
+    assert page.column("Expected results", "specimens") == [4, 12] * 2
     own = plan.isel(comparison=0).transpose("quantity", "specimens", ...)
-    for place, name in ((4, "width"), (5, "width_se"), (8, "decided"), (10, "wrong")):
-        np.testing.assert_array_equal([row[place] for row in rows], own[name].values.ravel())
+    for name, place in (("width", 0), ("width_se", 1), ("decided", 0), ("wrong", None)):
+        cells = page.column("Expected results", name.removesuffix("_se"))
+        found = cells if place is None else [cell[place] for cell in cells]
+        np.testing.assert_array_equal(found, own[name].values.ravel())
     _, rows = page.table("Expected classification of new specimens: Plan")
-    np.testing.assert_array_equal([row[1] for row in rows], plan["log_score"])
+    np.testing.assert_array_equal([row[1][0] for row in rows], plan["log_score"])
     assert "20 simulated studies" in page.warnings
     assert "simulated studies of 4 and 12 specimens per group" in page.methods
 
@@ -166,23 +181,29 @@ def test_report_counts_extension_tests_and_says_if_forces_were_used(write):
     assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     left_out = "Axial forces were measured too. The likelihood does not include them."
-    assert left_out in page.methods
+    assert left_out in page.methods and "forces were not used in the fit" in page.text
     fitted = ph.Gaussian(pressure_sd=0.5, force_sd=1.0)
     page = write({"Model": fitted_class(data, "NeoHookean", 20, likelihood=fitted)}, **AT)
     assert "Axial forces were measured too." in page.methods and left_out not in page.methods
+    slopes = ph.SlopeAugmented(sigma=0.5, force_sigma=1.0, slope_weight=0.0)
+    page = write({"Model": fitted_class(data, "NeoHookean", 20, likelihood=slopes)}, **AT)
+    assert left_out not in page.methods and "forces were not used in the fit" not in page.text
 
 
 def test_report_lists_the_laws_of_an_average_and_describes_data_once(write_words):
     laws = ("NeoHookean", "Demiray")
     fitted = [fitted_classes(energy=law, draws=20) for law in laws]
-    expected = [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.06, -3.0, 0.2]]
+    expected = [["NeoHookean", (0.25, 0.05), (-30.0, 0.1)], ["Demiray", (0.75, 0.06), (-3.0, 0.2)]]
     result = classified().assign_coords(strain_energy=list(laws))
-    names = "probability probability_se log_evidence log_evidence_se".split()
-    for name, values in zip(names, list(zip(*expected, strict=True))[1:], strict=True):
+    for name, place in (("probability", 1), ("log_evidence", 2)):
+        values, errors = zip(*(row[place] for row in expected), strict=True)
         result[f"strain_energy_{name}"] = "strain_energy", list(values)
+        result[f"strain_energy_{name}_se"] = "strain_energy", list(errors)
     page = write_words([*fitted, result], **AT)
     assert page.table("Strain energies in the average")[1] == expected
     assert "averaged over the strain energies NeoHookean and Demiray" in page.methods
+    assert page.column("Probability of each law", "law") == list(laws)
+    assert "explains the data best, of the laws NeoHookean and Demiray: " in page.summary
     # The data of both fits are described once.
     assert page.methods.count("10 experiments with 200 points") == 1
     _, second = page.methods.split("Each vessel was also modelled as")
@@ -249,7 +270,7 @@ def test_reports_describe_layers_populations_and_own_pymc_models(write_words):
     assert (
         "of 2 layers with, from the inside out, the strain energy NeoHookean" in of_layers.methods
     )
-    assert "mu_2" in of_layers.column("Posterior of the parameters", "parameter")
+    assert "mu_2" in of_layers.column("Parameters", "parameter")
     assert "Each specimen had parameters of its own" in of_population.methods
-    assert "log_reference_strain[A2]" in of_population.column("Posterior", "parameter")
+    assert "log_reference_strain[A2]" in of_population.column("Parameters", "parameter")
     assert "The result does not say which model was fitted." in of_own.methods
