@@ -14,8 +14,9 @@ from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
-from pymc_hyperelastic.plots.fit import plot_pressure_fit
-from pymc_hyperelastic.plots.force import plot_axial_force
+from pymc_hyperelastic.plots.fit import plot_fit
+from pymc_hyperelastic.plots.fitted_curves import signals_of
+from pymc_hyperelastic.plots.residuals import knows_noise
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
 from pymc_hyperelastic.reports.measurements import show_measurements, warn_of_simulated
@@ -37,6 +38,14 @@ _REGIONS = (0.5, PROB)
 _BOTH_SIGNS = 0.01
 # Standard deviation of a constant, relative to it, that rounding may cause.
 _ROUNDING = 1e-12
+# Signals of a fit, in the titles of their figures.
+_SIGNALS = {
+    "pressure": "pressure",
+    "stiffness": "slope of the pressure",
+    "axial_force": "axial force",
+    "extension_radius": "radius in extension tests",
+    "extension_force": "axial force in extension tests",
+}
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
@@ -143,21 +152,25 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         page.text("The result holds no data with which its curves could be compared.")
         return
     differ = all(map(specimens_differ, classes.values()))
-    whose = "the typical material in the tube of each specimen" if differ else "all specimens"
+    whose = "each specimen" if differ else "the class in the tube of each specimen"
     note = (
         f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose}, "
-        "without measurement error. Points: data."
+        "without measurement error. Points: data. Strips: residuals in standard deviations of the "
+        "measurement error; about 19 of 20 points lie between the dashed lines if the model is "
+        "right."
     )
-    page.figure(
-        "Fit of the pressure and its slope",
-        plot_pressure_fit,
-        result,
-        note=note,
-        ci_prob=PROB,
-        pressure_unit=page.at.pressure_unit,
-    )
-    if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
-        page.figure("Fit of the axial force", plot_axial_force, result, note=note, ci_prob=PROB)
+    of_classes = [signals_of(tree) for tree in classes.values()]
+    for signal in dict.fromkeys(signal for signals in of_classes for signal in signals):
+        page.figure(
+            f"Fit of the {_SIGNALS[signal]}",
+            plot_fit,
+            result,
+            note=note,
+            signal=signal,
+            residuals=all(map(knows_noise, classes.values())),
+            ci_prob=PROB,
+            pressure_unit=page.at.pressure_unit,
+        )
     if differ and all("specimens" in tree.children for tree in classes.values()):
         names = "specimen misfit freedom pareto_k standard_error method"
         tables = []

@@ -1,4 +1,4 @@
-"""plot_pressure_fit: bands, data, slopes, axes."""
+"""plot_fit: panels, bands, data, slopes, residuals, axes."""
 
 import numpy as np
 import pytest
@@ -22,46 +22,61 @@ import pymc_hyperelastic as ph
 
 # Medians of the figure and of the predictions are the same numbers.
 ROUNDING = 1e-10
-HERE = {"class_label": "posterior"}
+HERE = {"class_label": "posterior", "specimen": "S1"}
+
+
+def drawn(figure, variable="pressure", visual="points", **where):
+    """Return the finite y of points in these panels, in the order of the data."""
+    points = figure.get_viz(visual, variable, **where)
+    parts = [points] if isinstance(points, dict) else [p for p in points.values.ravel() if p]
+    y = np.concatenate([np.ravel(part["y"]) for part in parts])
+    return y[np.isfinite(y)]
 
 
 def test_training_data_and_their_slopes_are_shown(few_draws):
-    figure = ph.plot_pressure_fit(few_draws, backend="none", pressure_unit="mmHg")
+    settings = {"backend": "none", "pressure_unit": "mmHg"}
+    figure = ph.plot_fit(few_draws, **settings)
     training = ph.select(DATA, group="C2", experiment=[1, 2])
-    points = figure.get_viz("points", "pressure", class_label="C2")
-    known = ~np.isnan(points["x"])
-    np.testing.assert_allclose(points["y"][known], training["pressure"].values / ph.mmHg, rtol=1e-6)
-    slopes = figure.get_viz("points", "stiffness", class_label="C2")["y"]
+    names = figure.viz["plot"]["specimen"].values.tolist()
+    assert names == list(dict.fromkeys(ph.select(DATA, experiment=1)["specimen"].values.tolist()))
+    of_c2 = [
+        {"class_label": "C2", "specimen": name} for name in names if name in training["specimen"]
+    ]
+    pressures = np.concatenate([drawn(figure, **where) for where in of_c2])
+    np.testing.assert_allclose(pressures, training["pressure"].values / ph.mmHg, rtol=1e-6)
+    figure = ph.plot_fit(few_draws, signal="stiffness", **settings)
+    slopes = np.concatenate([drawn(figure, "stiffness", **where) for where in of_c2])
     expected = []
     for test in range(training.sizes["test"]):
         r, p = (training[n].values[training["test"].values == test] for n in ("radius", "pressure"))
         expected += ((p[2:] - p[:-2]) / (r[2:] - r[:-2]) / ph.mmHg).tolist()
-    np.testing.assert_allclose(slopes[~np.isnan(slopes)], expected)
+    np.testing.assert_allclose(slopes, expected)
 
 
-def test_each_tube_of_new_data_has_a_band(few_draws):
+def test_each_specimen_of_new_data_has_the_band_of_its_tube(few_draws):
     new, tree = ph.select(DATA, experiment=3), few_draws["C1"]
     outer = new["outer_radius"].copy()
     outer[0] = 9.5
     new = new.assign(outer_radius=outer)
-    figure = ph.plot_pressure_fit(tree, new, ci_prob=0.8, backend="none", pressure_unit="mmHg")
-    assert figure.viz["band"]["specimen"].values.tolist() == ["S1", "S2 and 3 more"]
-    for label, b in {"S1": 9.5, "S2 and 3 more": 9.0}.items():
-        where = {"specimen": label, "class_label": "C1", "curve": 0}
-        x = figure.get_viz("median", "pressure", **where)["x"]
-        radius = new["radius"].values[(outer.values == b)[new["test"].values]]
-        assert x[[0, -1]].tolist() == [radius.min(), radius.max()]
-        curves = ph.predict_pressure(tree, x, tube=ph.Tube(outer_radius=b)) / ph.mmHg
-        for variable in ("pressure", "stiffness"):
+    settings = {"ci_prob": 0.8, "backend": "none", "pressure_unit": "mmHg"}
+    for variable in ("pressure", "stiffness"):
+        figure = ph.plot_fit(tree, new, signal=variable, **settings)
+        for test, b in enumerate(outer.values):
+            where = {"specimen": new["specimen"].values[test].item(), "curve": 0}
+            where["group"] = new["group"].values[test].item()
+            x = figure.get_viz("median", variable, **where)["x"]
+            radius = new["radius"].values[new["test"].values == test]
+            assert x[[0, -1]].tolist() == [radius.min(), radius.max()]
+            curves = ph.predict_pressure(tree, x, tube=ph.Tube(outer_radius=b)) / ph.mmHg
             assert_band(figure, variable, curves[variable], 0.8, **where)
 
 
 def test_median_is_dashed_beyond_the_training_data(few_draws):
     tree, new = few_draws["C1"], ph.select(DATA, group="C1", experiment=3)
     new = new.assign(radius=new["radius"] + 0.5)
-    figure = ph.plot_pressure_fit(tree, new, backend="none")
-    where = {"class_label": "C1", "curve": 0}
+    where = {"class_label": "C1", "specimen": "S1", "curve": 0}
     for variable in ("pressure", "stiffness"):
+        figure = ph.plot_fit(tree, new, signal=variable, backend="none")
         solid, dashed = (figure.get_viz(n, variable, **where) for n in ("median", "extrapolated"))
         known = solid["x"] <= float(tree["constant_data"]["radius"].max())
         np.testing.assert_array_equal(np.isfinite(solid["y"]), known)
@@ -71,48 +86,48 @@ def test_median_is_dashed_beyond_the_training_data(few_draws):
 
 def test_outlying_slopes_are_diamonds_at_the_axis():
     data = straight_lines(2)
-    plain = ph.plot_pressure_fit(fitted(data))
+    plain = ph.plot_fit(fitted(data), signal="stiffness")
     ends = plain.get_viz("plot", "stiffness", **HERE).get_ylim()
     radius = data["radius"]
     radius[14] = radius[12]  # no slope
     radius[[4, 5, 11]] = [radius[3] + 5e-6, radius[3] + 1e-5, radius[9] - 1e-5]
-    figure = ph.plot_pressure_fit(fitted(data))
+    figure = ph.plot_fit(fitted(data), signal="stiffness")
     low, high = figure.get_viz("plot", "stiffness", **HERE).get_ylim()
     assert high - low < 5 * (ends[1] - ends[0])
     counts = [text for text in legend_texts(figure) if "slopes" in text]
     assert counts == ["2 of 11 slopes beyond the axis"]
-    beyond = ph.plot_pressure_fit(fitted(data), backend="none").get_viz(
-        "beyond", "stiffness", **HERE
-    )
-    assert sorted(beyond["y"][np.isfinite(beyond["y"])]) == pytest.approx([low, high])
+    figure = ph.plot_fit(fitted(data), signal="stiffness", backend="none")
+    beyond = [*drawn(figure, "stiffness", "beyond"), high, low]
+    assert sorted(beyond) == pytest.approx([low, low, high, high])
 
 
 def test_axis_reaches_twice_the_largest_datum_beyond_the_data():
     data = straight_lines(2)
     stiff = fitted(data, mu=np.array([[2.9e4, 3e4, 3.1e4]]))
     data["axial_force"] = ("obs", 1e3 * data["pressure"].values, {"units": "mN"})
-    figure = ph.plot_pressure_fit(stiff, data)
+    figure = ph.plot_fit(stiff, data)
     pressure = data["pressure"].values
     margin = 0.06 * (3 * pressure.max() - pressure.min())
     ends = figure.get_viz("plot", "pressure", **HERE).get_ylim()
     assert ends == pytest.approx((pressure.min() - margin, 3 * pressure.max() + margin))
     assert "bands go on beyond the axis" in legend_texts(figure)
-    ends = ph.plot_axial_force(stiff, data).get_viz("plot", "axial_force", **HERE).get_ylim()
+    forces = ph.plot_fit(stiff, data, signal="axial_force")
+    ends = forces.get_viz("plot", "axial_force", **HERE).get_ylim()
     assert np.abs(ends).max() < 4 * data["axial_force"].max()
     # The axis fits the band if there are no data.
-    assert "bands go on beyond the axis" not in legend_texts(ph.plot_axial_force(stiff))
+    assert "bands go on beyond the axis" not in legend_texts(
+        ph.plot_fit(stiff, signal="axial_force")
+    )
 
 
 @pytest.mark.parametrize(
-    ("plot", "name", "variable"),
-    [
-        (ph.plot_axial_force, "axial_force", "extension_force"),
-        (ph.plot_pressure_fit, "radius", "extension_radius"),
-    ],
+    ("name", "variable"),
+    [("axial_force", "extension_force"), ("radius", "extension_radius")],
 )
-def test_bands_of_extension_tests_are_medians_of_the_prediction(plot, name, variable):
+def test_bands_of_extension_tests_are_medians_of_the_prediction(name, variable):
     data = both_kinds()
-    figure = plot(fitted(data, mu=[[0.9 * MU, MU, 1.1 * MU]]), backend="none")
+    tree = fitted(data, mu=[[0.9 * MU, MU, 1.1 * MU]])
+    figure = ph.plot_fit(tree, signal=variable, backend="none")
     for i, held in enumerate(HELD):
         where = {"axial_stretch": VARIED[i], **HERE}
         median = figure.get_viz("median", variable, **where, curve=0)
@@ -128,15 +143,18 @@ def test_bands_of_extension_tests_are_medians_of_the_prediction(plot, name, vari
         own = data["experiment"].values[data["test"].values] == f"held {held:g}"
         np.testing.assert_array_equal(dots["x"][known], data["axial_stretch"].values[own])
         np.testing.assert_array_equal(dots["y"][known], data[name].values[own])
-    if plot is ph.plot_pressure_fit:  # extension tests have no slopes
-        slopes = elements(figure, "scatter", "stiffness")
-        assert sum(np.isfinite(e["y"]).sum() for e in slopes) == len(HELD_STRETCHES) * 4
+
+
+def test_extension_tests_have_no_slopes():
+    figure = ph.plot_fit(fitted(both_kinds()), signal="stiffness", backend="none")
+    slopes = elements(figure, "scatter", "stiffness")
+    assert sum(np.isfinite(e["y"]).sum() for e in slopes) == len(HELD_STRETCHES) * 4
 
 
 def test_draws_that_do_not_reach_a_pressure_are_counted_in_a_warning():
     tree = fitted(both_kinds(kinds=("extension",)), mu=[[0.1 * MU, MU]])
     with pytest.warns(UserWarning, match="1 do not reach the pressure at 24 of 24 axial stretches"):
-        figure = ph.plot_axial_force(tree, backend="none")
+        figure = ph.plot_fit(tree, signal="extension_force", backend="none")
     median = figure.get_viz("median", "extension_force", axial_stretch=VARIED[1], curve=0, **HERE)
     stretch = median["x"][np.isfinite(median["x"])]
     exact = curve_at(drifting(HELD[1], stretch), stretch)["axial_force"].values[0, 0]
