@@ -55,6 +55,8 @@ _NARROWEST, _ROOM_AROUND = 5.0, (0.5, 0.95)
 _LONGEST_LABEL = 18  # letters beside a panel; the unit of longer labels has a line of its own
 # Standardised residuals beyond these lines are expected in one of twenty points.
 _LIMIT = 2.0
+# Standard deviations beyond which numbers at the two lines would overlap.
+_MOST_REACH = 8.0
 # Light colours on which titles of panels stand, one for each group: other hues than those of tests.
 _TINTS = ["#E2E2E2", "#FFE0AE", "#CDE7F7", "#F3D6E6", "#CBEADF"]
 
@@ -296,8 +298,9 @@ def _limit(canvas: Canvas, figure: FitFigure) -> dict[str, dict[str, Any]]:
         reach = reach_of_residuals(figure)
         canvas.adjust("set_ylim", data=figure.points[[RESIDUAL]], limits=(-reach, reach))
         canvas.adjust(_draw_limits, data=figure.points[[RESIDUAL]])
-        ticks = {"values": [-_LIMIT, 0, _LIMIT], "labels": [f"−{_LIMIT:g}", "0", f"{_LIMIT:g}"]}
-        canvas.adjust(set_yticks, data=figure.points[[RESIDUAL]], **ticks)
+        if reach < _MOST_REACH:
+            ticks = {"values": [-_LIMIT, _LIMIT], "labels": [f"−{_LIMIT:g}", f"{_LIMIT:g}"]}
+            canvas.adjust(set_yticks, data=figure.points[[RESIDUAL]], **ticks)
     _hide_ticks(canvas, figure, x.shared, y.shared)
     entries: dict[str, dict[str, Any]] = {}
     bands = figure.curves[signal].sel(plot_axis=["y_bottom", "y_top"])

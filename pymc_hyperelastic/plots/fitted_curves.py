@@ -232,12 +232,23 @@ def curves_of(
     The radius of a draw in an extension test is that at the measured pressure, or between points.
     """
     shown, tests = SIGNALS[signal], specimen.tests
+    by_tube: dict[tuple, Draws] = {}
     chosen = np.flatnonzero(shown.has_tests(tests))
     tubes = np.arange(tests.sizes["test"]) if shown.over_stretch else tubes_of(tests)
     for tube in dict.fromkeys(tubes[chosen].tolist()):
         of_tube = chosen[tubes[chosen] == tube]
         own = tests_at(tests, of_tube)
-        band, draws = _band(specimen, signal, own, energy, ci_prob)
+        known = _known_tube(specimen, own)
+        if tuple(known.values()) not in by_tube:
+            # Draws of a specimen take long, and serve for its tests at all stretches.
+            at_any = (
+                {} if np.isnan(at_points(own, "axial_stretch")).any() else {"axial_stretch": 1.0}
+            )
+            by_tube[tuple(known.values())] = draws_of(
+                specimen.tree, Tube(**known, **at_any), specimen.member, energy
+            )
+        draws = by_tube[tuple(known.values())]
+        band, draws = _band(signal, own, draws, ci_prob)
         own, points = _at_points(signal, own, draws)
         errors = errors_of(specimen.tree, draws)
         of_force = shown.quantity == "axial_force" and "axial_force" in own
@@ -267,24 +278,19 @@ def _is_used(signal: str, tests: xr.Dataset, errors: Errors) -> bool:
     return with_force or SIGNALS[signal].quantity != "axial_force"
 
 
-def _band(
-    specimen: Specimen, signal: str, tests: xr.Dataset, energy: Any, ci_prob: float
-) -> tuple[Array, Draws]:
-    """Rows of the band over tests on one tube, and the draws behind it."""
-    shown, known = SIGNALS[signal], _known_tube(specimen, tests)
-    at = {"specimen": specimen.member, "energy": energy}
-    x = abscissa(signal, tests)
+def _band(signal: str, tests: xr.Dataset, draws: Draws, ci_prob: float) -> tuple[Array, Draws]:
+    """Rows of the band over tests on one tube, and the draws at its axial stretch."""
+    shown, x = SIGNALS[signal], abscissa(signal, tests)
     if shown.over_stretch:
         grid, pressure = (evenly_along(x, v, _STRETCHES) for v in (x, tests["pressure"].values))
-        draws = draws_of(specimen.tree, Tube(**known | {"axial_stretch": grid}), **at)
+        draws = _stretched(draws, grid)
         radius = draws.radius_at(pressure)
         beyond = draws.extrapolated_pressures(pressure, radius, "kPa")
     else:
         grid = np.linspace(x.min(), x.max(), _RADII)
-        draws = draws_of(specimen.tree, Tube(**known), **at)
+        draws = _stretched(draws, held_stretches(tests)[:1])
         radius = _internal_radius(grid, tests, draws.tube)
-        typical = grid if radius.ndim == 1 else np.nanmedian(radius, axis=(0, 1))
-        beyond = draws.extrapolated_radii(typical)
+        beyond = draws.extrapolated_radii(_typical_radius(grid, radius, tests))
     shape = draws.coords["chain"].size, draws.coords["draw"].size, grid.size
     values = np.broadcast_to(shown.curve(draws.tube, radius), shape)
     if signal == "extension_radius" and "outer_diameter" in tests:
@@ -294,16 +300,35 @@ def _band(
     return band_rows(grid, values, ci_prob, 0.0 if beyond is None else beyond.points), draws
 
 
+def _stretched(draws: Draws, stretch: Array) -> Draws:
+    """The draws at another axial stretch, or at one for each point, unless it is unknown."""
+    if np.isnan(stretch).any():
+        return draws
+    typical: Any = float(stretch[0]) if stretch.size == 1 else stretch
+    tube = draws.tube.stretched(stretch[None, None])
+    return draws._replace(tube=tube, typical={**draws.typical, "axial_stretch": typical})
+
+
+def _typical_radius(grid: Array, radius: Array, tests: xr.Dataset) -> Array:
+    """Internal radii for the comparison with the measured range, as the data state these."""
+    if radius.ndim == 1:
+        return radius
+    if not np.isfinite(tests["radius"].values).all():
+        return np.nanmedian(radius, axis=(0, 1))
+    return np.interp(grid, *np.sort([tests["outer_diameter"].values, tests["radius"].values]))
+
+
 def _known_tube(specimen: Specimen, tests: xr.Dataset) -> dict[str, Any]:
-    """Geometry of a tube as the data state it, unless the fit inferred the one of this specimen."""
+    """Geometry of a tube without its axial stretch, as the data state it.
+
+    If the fit inferred the tube of this specimen, the geometry is that of the fit.
+    """
     settings = model_settings_of(specimen.tree)
     inferred = {*specimen.tree["posterior"].data_vars, *(settings.geometry_sd if settings else ())}
     names = [name for name in GEOMETRY if name != "axial_stretch"]
     if specimen.member is not None and inferred & _MEASURES:
         names = []
     known = {name: float(tests[name].values[0]) for name in names}
-    if np.isfinite(stretch := held_stretches(tests)[0]):
-        known["axial_stretch"] = float(stretch)
     return {name: value for name, value in known.items() if np.isfinite(value)}
 
 

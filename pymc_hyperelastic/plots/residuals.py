@@ -75,6 +75,9 @@ def residuals_of(signal: str, points: Points, errors: Errors) -> Array:
         if signal == "stiffness":
             noise = errors.pressure_sd / np.sqrt(errors.slope_weight)
             residuals = (points.slopes - slope) / noise
+            if "outer_diameter" in tests:
+                # The likelihood has slopes by the outer radius b, and a da = b db.
+                residuals = residuals * tests["outer_diameter"].values / (2 * radius)
         else:
             pressure_sd = 0.0 if errors.pressure_sd is None else errors.pressure_sd
             noise = np.hypot(pressure_sd, _radius_sd(errors) * slope)

@@ -1,5 +1,6 @@
 """plot_fit: panels, bands, data, slopes, residuals, axes."""
 
+import fits
 import numpy as np
 import pytest
 from figures import (
@@ -16,6 +17,7 @@ from figures import (
     fitted,
     legend_texts,
     straight_lines,
+    texts,
 )
 
 import pymc_hyperelastic as ph
@@ -159,3 +161,77 @@ def test_draws_that_do_not_reach_a_pressure_are_counted_in_a_warning():
     stretch = median["x"][np.isfinite(median["x"])]
     exact = curve_at(drifting(HELD[1], stretch), stretch)["axial_force"].values[0, 0]
     np.testing.assert_allclose(median["y"][np.isfinite(median["x"])], exact, rtol=ROUNDING)
+
+
+def test_specimens_that_differ_have_curves_of_their_own():
+    tree = fits.fit("hierarchical")["C1"].isel(draw=slice(200))
+    figure = ph.plot_fit(tree, backend="none")
+    assert "typical" not in figure.get_viz("figure_title")["string"]
+    for name in ("S1", "S3"):
+        where = {"class_label": "C1", "specimen": name, "curve": 0}
+        x = figure.get_viz("median", "pressure", **where)["x"]
+        curves = ph.predict_pressure(tree, x, specimen=name)
+        assert_band(figure, "pressure", curves["pressure"], 0.95, **where)
+    # A specimen that the class does not know has the curve of the typical one.
+    new = ph.select(DATA, specimen="S4")
+    figure = ph.plot_fit(tree, new, backend="none")
+    assert "typical specimen" in figure.get_viz("figure_title")["string"]
+    where = {"class_label": "C1", "specimen": "S4", "curve": 0}
+    x = figure.get_viz("band", "pressure", **where)["x"]
+    with pytest.warns(UserWarning, match="extrapolated"):
+        typical = ph.predict_pressure(tree, x)["pressure"]
+    low = typical.quantile(0.025, ["chain", "draw"])
+    np.testing.assert_allclose(figure.get_viz("band", "pressure", **where)["y_bottom"], low)
+
+
+def test_panels_are_in_the_order_of_groups_and_at_most_24():
+    data = straight_lines(30)
+    groups = np.array(["B", "A"])[np.arange(30) % 2]
+    figure = ph.plot_fit(fitted(data.assign_coords(group=("test", groups))), backend="none")
+    plots = figure.viz["plot"]["pressure"]
+    assert plots.dims == ("group", "specimen")
+    assert plots["group"].values.tolist() == ["B", "A"]
+    shown = plots.notnull().sum("specimen")
+    assert shown.values.tolist() == [12, 12]
+    assert "24 of 30 specimens" in figure.get_viz("figure_title")["string"]
+    figure = ph.plot_fit(fitted(data), specimens=["S30", "S2"], backend="none")
+    assert texts(figure, "title") == ["S2", "S30"]
+    assert "2 of 30 specimens" in figure.get_viz("figure_title")["string"]
+
+
+def test_many_stretches_are_named_by_experiment_and_groups_have_a_colour():
+    data = straight_lines(4, (1.0, 1.2))
+    stretch = data["axial_stretch"] + 0.01 * np.arange(8)
+    groups = np.repeat(["A", "B"], 4)
+    data = data.assign(axial_stretch=stretch).assign_coords(group=("test", groups))
+    figure = ph.plot_fit(fitted(data))
+    names = ["experiment 1", "experiment 2", "group A", "group B"]
+    assert legend_texts(figure)[:4] == names
+
+
+def test_axes_are_shared_unless_a_panel_would_be_narrow():
+    data = straight_lines(3)
+    shared = ph.plot_fit(fitted(data))
+    limits = [axes.get_xlim() for axes in shared.get_viz("figure").axes]
+    assert len(set(limits)) == 1
+    data["radius"][-8:] = data["radius"][-8:] + 10
+    apart = ph.plot_fit(fitted(data))
+    limits = [axes.get_xlim() for axes in apart.get_viz("figure").axes]
+    assert len(set(limits)) == 2  # the first two panels have equal data
+    # Numbers stand at each axis that is not shared.
+    for axes in apart.get_viz("figure").axes:
+        assert axes.xaxis.get_ticklabels()[0].get_visible()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"signal": "force"}, "signal is 'force'; expected one of"),
+        ({"signal": "extension_force"}, "no extension tests"),
+        ({"specimens": ["S9"]}, "no specimen 'S9'"),
+        ({"specimens": []}, "specimens is empty"),
+    ],
+)
+def test_impossible_signals_and_specimens_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        ph.plot_fit(fitted(straight_lines(2)), backend="none", **settings)

@@ -46,7 +46,7 @@ def test_measured_forces_are_drawn_beside_the_predicted_median():
     assert_band(figure, "axial_force", predicted["axial_force"], 0.8, curve=0, **where)
     assert figure.get_viz("points", **where)["facecolor"] == median["color"]
     assert_shown(figure, force)
-    assert texts(figure, "ylabel") == ["reduced axial force (mN)"]
+    assert texts(figure, "ylabel") == ["reduced axial force\n(mN)"]
 
 
 def test_mean_offset_is_subtracted_from_the_forces_of_its_test():
