@@ -1,4 +1,4 @@
-"""What a figure of a fit shows: curves, points and residuals by panel, and the ends of its axes."""
+"""The content of a figure of a fit: curves, points and residuals by panel, and ends of axes."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class FitFigure(NamedTuple):
 
     @property
     def of_each_panel(self) -> xr.Dataset:
-        """The variables of the figure, with a number for each panel; NaN where there is none."""
+        """The variables of the figure, with a number for each panel; NaN for a place without a panel."""
         each = self.of_each_curve
         return each.max([dim for dim in each.dims if dim not in (self.group, "specimen")])
 

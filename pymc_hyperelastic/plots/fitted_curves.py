@@ -102,7 +102,7 @@ class Specimen(NamedTuple):
 
 
 class FittedCurve(NamedTuple):
-    """The posterior of one curve of a specimen, and what was measured of it."""
+    """The posterior of one curve of a specimen, and the measured points."""
 
     tests: list[int]
     """Positions of the tests among those of the specimen."""
@@ -333,7 +333,7 @@ def _known_tube(specimen: Specimen, tests: xr.Dataset) -> dict[str, Any]:
 
 
 def abscissa(signal: str, tests: xr.Dataset) -> Array:
-    """What the horizontal axis shows: stretches, or the radii or diameters that were measured."""
+    """Values on the horizontal axis: axial stretches, or the measured radii or diameters."""
     if SIGNALS[signal].over_stretch:
         return at_points(tests, "axial_stretch")
     return tests[radius_of(tests)].values
@@ -375,7 +375,7 @@ def _slopes(tests: xr.Dataset) -> Array:
 
 
 def _measured(signal: str, tests: xr.Dataset, points: Points) -> Array:
-    """Rows `POINTS` of what was measured."""
+    """Rows `POINTS` of the measured values."""
     if signal == "stiffness":
         values = points.slopes
     elif signal == "extension_radius" and "outer_diameter" in tests:

@@ -31,7 +31,7 @@ class Points(NamedTuple):
     """Measured internal radii, mm, of each draw if they follow from outer diameters."""
     tests: xr.Dataset
     slopes: Array
-    """Slopes of the measured pressures, kPa/mm, (point); NaN if there is none."""
+    """Slopes of the measured pressures, kPa/mm, (point); NaN at the ends of tests."""
 
 
 def likelihood_of(tree: xr.DataTree) -> Likelihood | None:
