@@ -93,7 +93,7 @@ class FitFigure(NamedTuple):
 
     @property
     def of_each_panel(self) -> xr.Dataset:
-        """The variables of the figure, with a number for each panel; NaN for a place without a panel."""
+        """The variables of the figure, with a number for each panel, and NaN elsewhere."""
         each = self.of_each_curve
         return each.max([dim for dim in each.dims if dim not in (self.group, "specimen")])
 

@@ -235,17 +235,17 @@ def curves_of(
     by_tube: dict[tuple, Draws] = {}
     chosen = np.flatnonzero(shown.has_tests(tests))
     tubes = np.arange(tests.sizes["test"]) if shown.over_stretch else tubes_of(tests)
-    for tube in dict.fromkeys(tubes[chosen].tolist()):
-        of_tube = chosen[tubes[chosen] == tube]
+    for number in dict.fromkeys(tubes[chosen].tolist()):
+        of_tube = chosen[tubes[chosen] == number]
         own = tests_at(tests, of_tube)
         known = _known_tube(specimen, own)
         if tuple(known.values()) not in by_tube:
             # Draws of a specimen take long, and serve for its tests at all stretches.
-            at_any = (
-                {} if np.isnan(at_points(own, "axial_stretch")).any() else {"axial_stretch": 1.0}
-            )
+            tube: dict[str, Any] = dict(known)
+            if np.isfinite(at_points(own, "axial_stretch")).all():
+                tube["axial_stretch"] = 1.0
             by_tube[tuple(known.values())] = draws_of(
-                specimen.tree, Tube(**known, **at_any), specimen.member, energy
+                specimen.tree, Tube(**tube), specimen.member, energy
             )
         draws = by_tube[tuple(known.values())]
         band, draws = _band(signal, own, draws, ci_prob)
