@@ -240,8 +240,9 @@ def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:
     size = wide * columns + beside, (high + strip) * -(-count // columns) + above
     settings: dict[str, Any] = {"aes": {"color": [figure.by or figure.group]}}
     if figure.by:
-        # There are few stretches: each has a marker of its own, which differs in grey, too.
-        settings |= many_looks() | ({"marker": MARKERS} if figure.by == "axial_stretch" else {})
+        # Each of a few labels has a marker of its own, which differs in grey, too.
+        few = figure.curves.sizes[figure.by] <= len(MARKERS)
+        settings |= many_looks() | ({"marker": MARKERS} if few else {})
         settings["aes"] |= {"linestyle": [figure.by], "marker": [figure.by]}
     settings["aes"]["overlay"] = ["curve"]
     known = f"{BAND_VISUALS} points beyond"

@@ -146,7 +146,7 @@ def show_training(result: xr.DataTree, page: Page) -> None:
 
 
 def show_fits(result: xr.DataTree, page: Page) -> None:
-    """Add bands of the posterior with the data, and how well each specimen was integrated."""
+    """Add the fit of each specimen, and how well the curves of each were integrated."""
     classes = classes_of(result, page)
     if not all(map(has_data, classes.values())):
         page.text("The result holds no data with which its curves could be compared.")
@@ -155,10 +155,14 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
     whose = "each specimen" if differ else "the class in the tube of each specimen"
     note = (
         f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose}, "
-        "without measurement error. Points: data. Strips: residuals in standard deviations of the "
-        "measurement error; about 19 of 20 points lie between the dashed lines if the model is "
-        "right."
+        "without measurement error. Points: data."
     )
+    residuals = all(map(knows_noise, classes.values()))
+    if residuals:
+        note += (
+            " Strips: residuals in standard deviations of the measurement error; if the model is "
+            "right, about 19 of 20 lie between the dashed lines."
+        )
     of_classes = [signals_of(tree) for tree in classes.values()]
     for signal in dict.fromkeys(signal for signals in of_classes for signal in signals):
         page.figure(
@@ -167,7 +171,7 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
             result,
             note=note,
             signal=signal,
-            residuals=all(map(knows_noise, classes.values())),
+            residuals=residuals,
             ci_prob=PROB,
             pressure_unit=page.at.pressure_unit,
         )
