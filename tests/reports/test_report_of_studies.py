@@ -162,7 +162,10 @@ def test_report_of_forces_and_extension_tests(write):
     data["pressure"] *= 0.1
     page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
     assert "cannot be shown" not in page.text
-    assert "Fit of the axial force: Model" in page.figures
+    assert {"Fit of the pressure: Model", "Fit of the radius in extension tests: Model"} <= {
+        *page.figures
+    }
+    assert "Fit of the axial force: Model" not in page.figures  # the likelihood has none
     assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     left_out = "Axial forces were measured too. The likelihood does not include them."
@@ -170,6 +173,8 @@ def test_report_of_forces_and_extension_tests(write):
     fitted = ph.Gaussian(pressure_sd=0.5, force_sd=1.0)
     page = write({"Model": fitted_class(data, "NeoHookean", 20, likelihood=fitted)}, **AT)
     assert "Axial forces were measured too." in page.methods and left_out not in page.methods
+    assert "Fit of the axial force: Model" in page.figures
+    assert "Fit of the axial force in extension tests: Model" in page.figures
 
 
 def test_report_of_an_average_over_laws(write_words):
