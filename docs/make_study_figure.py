@@ -41,7 +41,7 @@ result = ph.classify(ph.select(data, experiment=3), classes, random_seed=2, prog
 columns = [
     [
         picture(ph.plot_inflation, data, 3.3, pressure_unit="mmHg"),
-        picture(ph.plot_pressure_fit, classes, 5.4, pressure_unit="mmHg"),
+        picture(ph.plot_fit, classes, 5.4, specimens=["S2", "S4"], pressure_unit="mmHg"),
     ],
     [
         picture(ph.plot_parameter_density, classes, 2.9),

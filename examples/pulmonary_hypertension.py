@@ -111,7 +111,7 @@ print(
 measured = {name: ph.select(data, group=name) for name in GROUPS}
 for law, classes in fitted.items():
     ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
-    figure = ph.plot_pressure_fit(classes, measured, pressure_unit="mmHg")
+    figure = ph.plot_fit(classes, measured, pressure_unit="mmHg")
     figure.savefig(OUT / f"{law}_fit.png", dpi=150)
 ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
 print(f"\nFigures and netCDF files are in {OUT}/")

@@ -95,7 +95,7 @@ print(pd.DataFrame(rows).to_string(index=False))
 # -----------
 for law, classes in fitted.items():
     ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
-    figure = ph.plot_pressure_fit(classes, pressure_unit="mmHg")
+    figure = ph.plot_fit(classes, pressure_unit="mmHg")
     figure.savefig(OUT / f"{law}_fit.png", dpi=150)
 ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
 print(f"\nFigures and netCDF files are in {OUT}/")

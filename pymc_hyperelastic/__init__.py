@@ -56,8 +56,7 @@ from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
 from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.plots.density import plot_parameter_density
-from pymc_hyperelastic.plots.fit import plot_pressure_fit
-from pymc_hyperelastic.plots.force import plot_axial_force
+from pymc_hyperelastic.plots.fit import plot_fit
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
@@ -139,8 +138,7 @@ __all__ = [
     "open_result",
     "plot_inflation",
     "plot_parameter_density",
-    "plot_pressure_fit",
-    "plot_axial_force",
+    "plot_fit",
     "plot_elastic_properties",
     "plot_wall_stress",
     "plot_class_probability",

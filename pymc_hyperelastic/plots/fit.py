@@ -1,27 +1,31 @@
-"""The posterior of pressure and stiffness over the data."""
+"""Fits: a panel for each specimen with its data, its posterior curves and their residuals."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from itertools import cycle
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.curves import BAND_VISUALS, Array, draw_bands
-from pymc_hyperelastic.plots.fitted_curves import (
-    Drawn,
-    Fits,
-    coordinates,
-    data_beside,
-    fits_of,
-    is_over_stretch,
+from pymc_hyperelastic.plots.curves import BAND_VISUALS, draw_bands
+from pymc_hyperelastic.plots.fit_figure import (
+    RESIDUAL,
+    Ends,
+    FitFigure,
+    ends_of_x,
+    ends_of_y,
+    figure_of,
+    reach_of_residuals,
 )
+from pymc_hyperelastic.plots.fitted_curves import SIGNALS, Specimen, data_beside, specimens_in
 from pymc_hyperelastic.plots.labels import axis_label, words
+from pymc_hyperelastic.plots.panels import columns_of, panels_with_strips
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     Backend,
@@ -30,240 +34,344 @@ from pymc_hyperelastic.plots.style import (
     Wishes,
     fitted_classes,
     law_of,
+    literal,
     many_looks,
-    per_kilopascal,
+    set_yticks,
     training_attrs,
 )
-from pymc_hyperelastic.predictions.curves import pressure_curve
-from pymc_hyperelastic.predictions.members import specimens_differ
+from pymc_hyperelastic.predictions.curves import warn_of_no_force
+from pymc_hyperelastic.predictions.offsets import less_offsets
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Interquartile ranges beyond which slopes are far out: Tukey's outer fence.
-_FENCE = 3.0
-# Room of bands above and below the data on an axis, in sizes of the largest datum.
-_ROOM = 2.0
-# Margin at both ends of an axis, as a fraction of its length.
-_MARGIN = 0.06
+# Panels that a figure has unless the user names the specimens: six rows of four.
+_MOST_PANELS = 24
+# Inches of a panel, and of its strip of residuals.
+_PANEL, _STRIP = (2.35, 1.75), 0.7
+_ALONE = (4.2, 2.8)  # inches of the panel of a single specimen
+# Narrowest figure, and room for its title, labels and legend, inches.
+_NARROWEST, _ROOM_AROUND = 5.0, (0.5, 0.95)
+_LONGEST_LABEL = 18  # letters beside a panel; the unit of longer labels has a line of its own
+# Standardised residuals beyond these lines are expected in one of twenty points.
+_LIMIT = 2.0
+# Standard deviations beyond which numbers at the two lines would overlap.
+_MOST_REACH = 8.0
+# Light colours on which titles of panels stand, one for each group: other hues than those of tests.
+_TINTS = ["#E2E2E2", "#FFE0AE", "#CDE7F7", "#F3D6E6", "#CBEADF"]
+
+SignalName = Literal["pressure", "stiffness", "axial_force", "extension_radius", "extension_force"]
 
 
 @one_thread
-def plot_pressure_fit(
+def plot_fit(
     classes: xr.DataTree,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
+    signal: SignalName | None = None,
+    specimens: Sequence[str] | None = None,
+    residuals: bool = False,
     ci_prob: float = 0.95,
     energy: StrainEnergy | Sequence[Layer] | None = None,
-    specimen: str | None = None,
     pressure_unit: str = "kPa",
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
 ) -> PlotCollection:
-    """Plot the posterior of pressure and of stiffness over the data, a column for each class.
+    """Plot the fit of each specimen: its data, and the posterior of its curves, in its own panel.
 
-    The band is that of the tube's response, without measurement error: it is as narrow as the
-    parameters are well known, and data may lie beside it. The median is dashed beyond
-    the data to which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, if the
-    result holds these data. If internal radii depend on inferred dimensions of the tube, data are
-    shown at the radii of the median tube.
+    If specimens differ (``variability="specimen"``, :func:`~pymc_hyperelastic.population_model`),
+    the curves have the parameters of the specimen, given its data and its class. Otherwise they are
+    the curves of its class in the tube of the specimen. A specimen to which the class was not
+    fitted has the curves of the typical specimen, and the title says so.
 
-    Extension tests have a panel of their own: the internal radius over the axial stretch, that of
-    each draw at the pressures that were measured. :func:`~pymc_hyperelastic.plot_axial_force` shows
-    how their forces fit.
+    The band is that of the response of the tube, without measurement error: it is as narrow as the
+    parameters are well known, and data may lie beside it. The median is dashed beyond the data to
+    which it was fitted, see :func:`~pymc_hyperelastic.predict_pressure`. Tests at several axial
+    stretches have a colour and a marker each.
 
-    Bands and data of each axial stretch have a colour and a marker, and so have extension tests at
-    each pressure. If there is one stretch, or each specimen has its own, they differ by tube. The
-    axis shows the data and the bands near them. Bands
-    that reach farther beyond the data than twice the largest datum, such as that of a typical
-    specimen in the tube of a far stiffer one, go on beyond the axis. Slopes far from all others,
-    which close readings cause, are drawn as diamonds at its end. The legend says both.
+    Panels are in the order of the classes, or of the groups if there is one class. If there are
+    more than 24 specimens, 24 of them are shown, evenly chosen; the title says so, and `specimens`
+    shows others.
 
     Parameters
     ----------
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
-        Inflation data to show with the posterior, or those for each class; by default the training
-        data. Each tube has a band of its own.
+        Inflation data to show, or those for each class; by default the training data.
+    signal : str, optional
+        What is shown; by default the first of these that the data have:
+
+        - ``"pressure"``: pressures of inflation tests, over the measured radius or diameter;
+        - ``"stiffness"``: slopes of the same curves, and central differences of the data;
+        - ``"axial_force"``: axial forces of inflation tests;
+        - ``"extension_radius"``: radii, or diameters, of extension tests over the axial stretch,
+          at the measured pressures;
+        - ``"extension_force"``: axial forces of extension tests, at the measured pressures.
+    specimens : list of str, optional
+        Specimens to show; by default all, at most 24.
+    residuals : bool, default False
+        Whether a strip below each panel shows standardised residuals: measured value minus
+        posterior median of the curve, in standard deviations of the measurement error, with lines
+        at ±2. The likelihood must be known, and must use the signal.
     ci_prob : float
-        Probability that the band holds at each radius, with equal tails.
+        Probability that the band holds at each point, with equal tails.
     energy : StrainEnergy or list of Layer, optional
-        The material, or the layers; needed where the result does not name it.
-    specimen : str, optional
-        Specimen whose curve, and whose training data, are shown, see
-        :func:`~pymc_hyperelastic.predict_pressure`; by default the typical specimen where specimens
-        differ, as in classes with variability.
+        The material, or the layers; needed if the result does not name it.
     pressure_unit : str, default "kPa"
-        Unit of the pressure axis, as pint knows it.
+        Unit of pressures, as pint knows it.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
         ``extrapolated`` (the dashed part of the median), ``points``, ``beyond`` (slopes beyond the
-        axis), ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``.
+        axis), ``xlabel``, ``ylabel``, ``title`` (of a panel) and ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        A grid. Its variables are ``pressure`` and ``stiffness``, and of extension tests
-        ``extension_radius``, its dimensions ``class_label``, ``curve`` and, where they have colours
-        of their own, ``axial_stretch`` or ``specimen``.
+        Its variables are the signal and, with `residuals`, ``residual``. Its dimensions are
+        ``class_label`` (``group`` if one class has several groups), ``specimen``, ``curve`` and,
+        if tests have colours, ``axial_stretch`` or ``experiment``.
+
+    Warns
+    -----
+    UserWarning
+        If a force is 0 whatever the parameters, see
+        :func:`~pymc_hyperelastic.predict_axial_force`.
 
     Raises
     ------
     TypeError, ValueError
-        If `classes` is no DataTree with a posterior, there are no data or no strain energy, the
-        data are unsound or lack a class, or `ci_prob`, the unit, the backend or a visual is
-        unknown.
+        If `classes` is no DataTree with a posterior, there are no data, no such tests, no such
+        specimen or no strain energy, the data are unsound or lack a class, `residuals` are not
+        known, or `ci_prob`, the signal, the unit, the backend or a visual is unknown.
 
     See Also
     --------
-    predict_pressure
+    predict_pressure, predict_axial_force, diagnose_evidence
+
+    Notes
+    -----
+    The horizontal axis is the outer diameter if this was measured, so that data are where they were
+    measured even if the wall is inferred. If the likelihood has an offset of the force transducer
+    (``force_offset_sd``), forces are shown less the posterior mean of the offset of their test.
+    Slopes far from all others, which close readings cause, are drawn as diamonds at the end of the
+    axis. Bands that reach further beyond the data than twice the largest datum go on beyond the
+    axis. The legend says all three.
 
     Examples
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
     >>> tree = ph.open_result("sampled.nc")  # saved from the example of sample_smc
-    >>> figure = ph.plot_pressure_fit(tree, data, backend="none")
-    >>> list(figure.viz["plot"].data_vars)
-    ['pressure', 'stiffness']
+    >>> figure = ph.plot_fit(tree, data, backend="none")
+    >>> figure.viz["plot"]["specimen"].values.tolist()
+    ['S1']
     """
-    fitted, factor = fitted_classes(classes), per_kilopascal(pressure_unit)
-    material: dict[str, Any] = {"energy": energy, "specimen": specimen}
-    drawn = Drawn(
-        lambda draws, radius: pressure_curve(draws, radius) * factor,
-        lambda _, radius: {"extension_radius": radius},
-        lambda tests: _measured_pressures(tests, factor),
-    )
-    shown = data_beside(fitted, data, specimen)
-    fits = fits_of(fitted, shown, ci_prob, material, drawn, pressure_unit)
-    return draw_fits(fits, material, pressure_unit, (backend, visuals, pc_kwargs))
-
-
-def _measured_pressures(data: xr.Dataset, factor: float) -> dict[str, Array]:
-    """Measured pressures and their central differences; of extension tests the radii."""
-    radius, pressure = data["radius"].values, factor * data["pressure"].values
-    slope = np.full_like(pressure, np.nan)
-    extended = extension_tests(data)
-    for i in np.flatnonzero(~extended).tolist():
-        test = points_of(data, i)
-        step = radius[test][2:] - radius[test][:-2]
-        step[step == 0] = np.nan
-        slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
-    return coordinates(data, pressure=pressure, stiffness=slope, extension_radius=radius)
-
-
-def draw_fits(
-    fits: Fits, material: Mapping[str, Any], pressure_unit: str, wishes: Wishes, note: str = ""
-) -> PlotCollection:
-    """Draw bands, medians and data; the `note` is what the legend says of the data besides."""
-    quantities = list(map(str, fits.curves.data_vars))
-    columns, rows = len(fits.classes), len(quantities)
-    known = f"{BAND_VISUALS} points beyond"
-    size = (max(2.9 * columns + 0.9, 5), 0.7 + 2.5 * rows)
-    share = {"sharey": "row"} | ({} if any(map(is_over_stretch, quantities)) else {"sharex": "col"})
-    layout: dict[str, Any] = {"rows": ["__variable__"], "cols": ["class_label"], **_looks(fits.by)}
-    canvas = Canvas("grid", fits.curves, known, wishes, size, share, **layout)
-    entries: dict[str, dict[str, Any]] = {}
-    if fits.by:
-        style = ("color", "linestyle", "marker")[: 3 if fits.points else 2]
-        entries |= canvas.entries(fits.by, f"{words(fits.by)} ", *style, markersize=4)
-    if fits.points:
-        data = "data (of that colour)" if fits.by else "data"
-        marker = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
-        entries[data + note] = marker
-        _draw_points(canvas, fits.points, "points", fits.by)
-    entries |= draw_bands(canvas, fits.curves, fits.ci_prob)
-    for quantity in quantities:
-        if quantity in fits.points and not is_over_stretch(quantity):
-            fence = _FENCE if quantity == "stiffness" else np.inf
-            entries |= _limit(canvas, fits, quantity, fence)
-    _label(canvas, fits, quantities, pressure_unit)
+    fitted = fitted_classes(classes)
+    shown = data_beside(fitted, data)
+    name = _checked_signal(signal, shown)
+    of_force = SIGNALS[name].quantity == "axial_force"
+    if of_force:
+        shown = {label: less_offsets(tests, fitted[label]) for label, tests in shown.items()}
+    group, found = specimens_in(fitted, shown)
+    found = [one for one in found if SIGNALS[name].has_tests(one.tests).any()]
+    chosen, note = _chosen(found, specimens)
+    settings: dict[str, Any] = {"energy": energy, "ci_prob": ci_prob, "residuals": residuals}
+    figure = figure_of(name, chosen, group, pressure_unit, settings)
+    if residuals and not figure.has_residuals:
+        raise ValueError(
+            f"residuals=True, but the fit does not state a likelihood that uses {name!r}, or the "
+            "data do not have it: leave residuals out"
+        )
+    if of_force:
+        warn_of_no_force(figure.curves[name].sel(plot_axis=["y_bottom", "y_top"]))
+    canvas = _canvas(figure, (backend, visuals, pc_kwargs))
+    entries = _draw(canvas, figure, ci_prob)
+    _label(canvas, figure, pressure_unit)
     canvas.legend(entries)
-    law = law_of(next(iter(fits.classes.values())), material["energy"])
-    specimen, differ = material["specimen"], any(map(specimens_differ, fits.classes.values()))
-    whose = f"specimen {specimen}" if specimen is not None else "typical specimen" * differ
+    typical = "typical specimen" if any(one.is_typical for one in chosen) else None
+    law = law_of(next(iter(fitted.values())), energy)
     # The posterior is as simulated as the data that it comes from.
-    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fits.classes)]
-    canvas.title([*(data.attrs for data in fits.data.values()), *origin], law, whose)
+    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
+    canvas.title([*(tests.attrs for tests in shown.values()), *origin], law, typical, note)
     return canvas.collection
 
 
-def _looks(by: str | None) -> dict[str, Any]:
-    """Settings of a PlotCollection; classes alone differ only in colour."""
-    if by is None:
-        return {"aes": {"color": ["class_label"], "overlay": ["curve"]}}
-    looks = many_looks() | {"aes": {"color": [by], "linestyle": [by], "marker": [by]}}
-    looks["aes"]["overlay"] = ["curve"]
-    # There are few stretches: each has a marker of its own, which differs in grey, too.
-    return looks | ({"marker": MARKERS} if by == "axial_stretch" else {})
+def _checked_signal(signal: str | None, data: Mapping[str, xr.Dataset]) -> str:
+    """Return the signal, by default the first that the data have; ValueError if they lack it."""
+    if signal is not None and signal not in SIGNALS:
+        raise ValueError(f"signal is {signal!r}; expected one of {[*SIGNALS]}")
+    found = [n for n, s in SIGNALS.items() if any(s.has_tests(d).any() for d in data.values())]
+    if signal is None:
+        return found[0]
+    if signal not in found:
+        kind = "extension" if SIGNALS[signal].over_stretch else "inflation"
+        raise ValueError(
+            f"signal is {signal!r}, but there are no {kind} tests: give one of {found}"
+        )
+    return signal
+
+
+def _chosen(
+    found: list[Specimen], names: Sequence[str] | None
+) -> tuple[list[Specimen], str | None]:
+    """Return the specimens that are shown, and what the title says if some are not shown."""
+    if names is not None:
+        names = [names] if isinstance(names, str) else list(names)
+        known = list(dict.fromkeys(one.name for one in found))
+        unknown = [name for name in names if name not in known]
+        if unknown or not names:
+            what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
+            raise ValueError(f"{what}: expected some of {known}")
+        chosen = [one for one in found if one.name in names]
+    else:
+        most = min(len(found), _MOST_PANELS)
+        chosen = [found[i] for i in np.linspace(0, len(found) - 1, most).round().astype(int)]
+    note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
+    return chosen, note
+
+
+def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:
+    """Make the panels, each with a strip below it if there are residuals."""
+    count, strip = len(figure.specimens), _STRIP * figure.has_residuals
+    columns = columns_of(count)
+    (wide, high), (beside, above) = _ALONE if count == 1 else _PANEL, _ROOM_AROUND
+    size = wide * columns + beside, (high + strip) * -(-count // columns) + above
+    settings: dict[str, Any] = {"aes": {"color": [figure.by or figure.group]}}
+    if figure.by:
+        # Each of a few labels has a marker of its own, which differs in grey, too.
+        few = figure.curves.sizes[figure.by] <= len(MARKERS)
+        settings |= many_looks() | ({"marker": MARKERS} if few else {})
+        settings["aes"] |= {"linestyle": [figure.by], "marker": [figure.by]}
+    settings["aes"]["overlay"] = ["curve"]
+    known = f"{BAND_VISUALS} points beyond"
+    share = {"height_ratios": [high, strip] if strip else [high]}
+    make = partial(panels_with_strips, places=[figure.panel(one) for one in figure.specimens])
+    return Canvas(make, figure.of_each_curve, known, wishes, size, share, **settings)
+
+
+def _draw(canvas: Canvas, figure: FitFigure, ci_prob: float) -> dict[str, dict[str, Any]]:
+    """Draw bands, data, residuals and ends of axes; return the entries of the legend."""
+    entries: dict[str, dict[str, Any]] = {}
+    if figure.by:
+        style = ("color", "linestyle", "marker")[: 3 if figure.points else 2]
+        entries |= canvas.entries(figure.by, f"{words(figure.by)} ", *style, markersize=4)
+        if figure.has_tints:
+            patch = {"marker": "s", "markersize": 8, "linestyle": "none"}
+            for label, tint in _tints_of(figure).items():
+                entries[f"{words(figure.group)} {literal(label)}"] = patch | {"color": tint}
+    else:
+        entries |= canvas.entries(figure.group, f"{words(figure.group)} ", "color")
+    if figure.points:
+        data = "data (of that colour)" if figure.by else "data"
+        data += ", less its test's offset" * figure.less_offsets
+        entries[data] = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
+        _draw_points(canvas, figure.points, "points", figure.by)
+    entries |= draw_bands(canvas, figure.curves, ci_prob)
+    return entries | _limit(canvas, figure)
+
+
+def _tints_of(figure: FitFigure) -> dict[str, str]:
+    """Return the colour of the titles of each group."""
+    return dict(zip(figure.curves[figure.group].values.tolist(), cycle(_TINTS), strict=False))
 
 
 def _draw_points(
     canvas: Canvas, points: xr.Dataset, name: str, by: str | None, **settings: Any
 ) -> None:
     """Draw points in the colour of their band, or in grey where there is one band."""
-    looks: dict[str, Any] = {"size": 12, "ignore_aes": {"linestyle"}}
+    looks: dict[str, Any] = {"size": 10, "ignore_aes": {"linestyle"}}
     if by is None:
         looks = {"size": 7, "color": "0.25", "ignore_aes": {"color"}}
     canvas.draw(name, "scatter_xy", data=points, **{"alpha": 0.6} | looks | settings)
 
 
-def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str, dict[str, Any]]:
-    """Limit an axis that distant bands, or data beyond the fence, would stretch.
-
-    Returns what the legend says of bands and data beyond the axis.
-    """
-    points = fits.points[[quantity]]
-    values = points[quantity].sel(plot_axis="y").values
-    values = values[np.isfinite(values)]
-    quartiles = np.quantile(values, [0.25, 0.75])
-    reach = fence * np.ptp(quartiles) if np.isfinite(fence) else np.inf
-    near = values[(values >= quartiles[0] - reach) & (values <= quartiles[1] + reach)]
-    room = _ROOM * np.abs(near).max() or np.inf
-    band = fits.curves[quantity].sel(plot_axis=["y_bottom", "y_top"])
-    low, high = max(float(band.min()), near.min() - room), min(float(band.max()), near.max() + room)
-    cut = low > float(band.min()) or high < float(band.max())
-    low, high = min(low, near.min()), max(high, near.max())
-    far = int(((values < low) | (values > high)).sum())
-    if not cut and not far:
-        return {}
-    margin = _MARGIN * (high - low)
-    low, high = float(low - margin), float(high + margin)
-    canvas.adjust("set_ylim", data=points, limits=(low, high))
+def _limit(canvas: Canvas, figure: FitFigure) -> dict[str, dict[str, Any]]:
+    """Limit all axes; return what the legend says of bands and data beyond them."""
+    x, y, signal = ends_of_x(figure), ends_of_y(figure), figure.signal
+    variables = figure.of_each_panel
+    for panel in map(figure.panel, figure.specimens):
+        own = variables.sel(panel, drop=True)
+        canvas.adjust("set_xlim", data=own, coords=panel, limits=x.of(panel))
+        canvas.adjust("set_ylim", data=own[[signal]], coords=panel, limits=y.of(panel))
+    if figure.has_residuals:
+        reach = reach_of_residuals(figure)
+        canvas.adjust("set_ylim", data=figure.points[[RESIDUAL]], limits=(-reach, reach))
+        canvas.adjust(_draw_limits, data=figure.points[[RESIDUAL]])
+        if reach < _MOST_REACH:
+            ticks = {"values": [-_LIMIT, _LIMIT], "labels": [f"−{_LIMIT:g}", f"{_LIMIT:g}"]}
+            canvas.adjust(set_yticks, data=figure.points[[RESIDUAL]], **ticks)
+    _hide_ticks(canvas, figure, x.shared, y.shared)
     entries: dict[str, dict[str, Any]] = {}
-    if cut:
+    bands = figure.curves[signal].sel(plot_axis=["y_bottom", "y_top"])
+    if bool(((bands < y.low) | (bands > y.high)).any()):
         entries["bands go on beyond the axis"] = {"color": "0.4", "linewidth": 0}
-    if far:
-        y = points.sel(plot_axis="y", drop=True)
-        ends = xr.where(points["plot_axis"] == "y", points.clip(low, high), points)
-        ends = ends.where((y < low) | (y > high))
-        _draw_points(
-            canvas, ends, "beyond", fits.by, marker="D", size=20, alpha=1, clip_on=False, zorder=5
-        )
-        marker = {"marker": "D", "linestyle": "none", "color": "0.25", "markersize": 5}
-        entries[f"{far} of {values.size} slopes beyond the axis"] = marker
+    if signal in figure.points:
+        entries |= _draw_beyond(canvas, figure, y)
     return entries
 
 
-def _label(canvas: Canvas, fits: Fits, quantities: list[str], pressure_unit: str) -> None:
-    """Label axes, and name the class on top of each column."""
-    over_radius = [name for name in quantities if not is_over_stretch(name)]
-    first = next(iter(fits.classes))
-    for name, data in fits.data.items():
-        where = {"coords": {"class_label": name}}
-        computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
-        for quantity in quantities:
-            panel = where | {"data": fits.curves[[quantity]]}
-            if quantity in over_radius[-1:]:
-                canvas.label("xlabel", axis_label("radius") + computed, **panel)
-            elif is_over_stretch(quantity):
-                canvas.label("xlabel", axis_label("axial_stretch"), **panel)
-            if name == first:
-                quantity_of = {"extension_radius": "radius", "extension_force": "axial_force"}
-                text = axis_label(quantity_of.get(quantity, quantity), pressure_unit)
-                canvas.label("ylabel", text, **panel)
-        if len(fits.data) > 1:
-            top = where | {"data": fits.curves[quantities[:1]]}
-            canvas.label("title", f"class {name}", size="medium", **top)
+def _hide_ticks(canvas: Canvas, figure: FitFigure, x_shared: bool, y_shared: bool) -> None:
+    """Hide the numbers of axes that stand beside, or below, the same axis of another panel."""
+    variables, hidden = figure.of_each_panel, {"visible": False}
+    columns = columns_of(count := len(figure.specimens))
+    for n, panel in enumerate(map(figure.panel, figure.specimens)):
+        own = variables.sel(panel, drop=True)
+        above = own if x_shared and n + columns < count else own[[figure.signal]]
+        if figure.has_residuals or (x_shared and n + columns < count):
+            canvas.adjust("set_ticklabel_visibility", axis="x", data=above, coords=panel, **hidden)
+        beside = own if y_shared else own.drop_vars(figure.signal)
+        if n % columns:
+            canvas.adjust("set_ticklabel_visibility", axis="y", data=beside, coords=panel, **hidden)
+
+
+def _draw_beyond(canvas: Canvas, figure: FitFigure, ends: Ends) -> dict[str, dict[str, Any]]:
+    """Draw data beyond the ends of their axis as diamonds there; return what the legend says."""
+    points = figure.points[[figure.signal]]
+    y = points.sel(plot_axis="y", drop=True)
+    beyond = (y < ends.low) | (y > ends.high)
+    far, count = int(beyond[figure.signal].sum()), int(np.isfinite(y[figure.signal]).sum())
+    if not far:
+        return {}
+    clipped = points.clip(ends.low, ends.high)
+    at_ends = xr.where(points["plot_axis"] == "y", clipped, points).where(beyond)
+    looks = {"marker": "D", "size": 20, "alpha": 1, "clip_on": False, "zorder": 5}
+    _draw_points(canvas, at_ends, "beyond", figure.by, **looks)
+    marker = {"marker": "D", "linestyle": "none", "color": "0.25", "markersize": 5}
+    return {f"{far} of {count} slopes beyond the axis": marker}
+
+
+def _draw_limits(da: xr.DataArray, target: Any) -> None:
+    """Draw lines at 0 and at the limits of residuals."""
+    from arviz_plots.plot_collection import backend_from_object
+
+    backend = backend_from_object(target)
+    backend.hline(0.0, target, color="0.6", width=0.8)
+    for limit in (-_LIMIT, _LIMIT):
+        backend.hline(limit, target, color="0.6", width=0.8, linestyle="--")
+
+
+def _label(canvas: Canvas, figure: FitFigure, pressure_unit: str) -> None:
+    """Name the specimens, and label the axes of the panels on the left and at the bottom."""
+    variables, signal = figure.of_each_panel, figure.signal
+    columns = columns_of(count := len(figure.specimens))
+    tints = _tints_of(figure)
+    for n, one in enumerate(figure.specimens):
+        panel = figure.panel(one)
+        own = variables.sel(panel, drop=True)
+        box = {"facecolor": tints[one.label], "edgecolor": "none", "pad": 2.0}
+        settings = {"bbox": box} if figure.has_tints else {}
+        title = {"size": "small", "data": own[[signal]], "coords": panel} | settings
+        canvas.label("title", one.name, **title)
+        if n + columns >= count:
+            bottom = own[[RESIDUAL if figure.has_residuals else signal]]
+            canvas.label("xlabel", axis_label(figure.horizontal), data=bottom, coords=panel)
+        if n % columns == 0:
+            vertical = axis_label(figure.vertical, pressure_unit)
+            if len(vertical) > _LONGEST_LABEL:
+                vertical = "\n(".join(vertical.rsplit(" (", 1))
+            canvas.label("ylabel", vertical, data=own[[signal]], coords=panel)
+            if figure.has_residuals:
+                text = "residual\n(SD)"
+                canvas.label("ylabel", text, data=own[[RESIDUAL]], coords=panel)

@@ -1,4 +1,4 @@
-"""Posterior curves of fitted classes over the radius or the axial stretch, and the data beside."""
+"""Curves of fitted classes, specimen by specimen, and the data beside them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,34 @@ from pymc_hyperelastic.data.inflation import (
     held_stretches,
     points_of,
 )
+from pymc_hyperelastic.data.select import specimens_apart, tests_at
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.reference_tube import Tube
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.settings import inflation_data_of
-from pymc_hyperelastic.plots.curves import BAND, POINTS, Array, Curve, band_rows, gathered
-from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal
+from pymc_hyperelastic.mechanics.tube import (
+    GEOMETRY,
+    current_radius,
+    internal_radius_from_outer_radius,
+)
+from pymc_hyperelastic.models.forward import TubeNumbers
+from pymc_hyperelastic.models.likelihoods.errors import Errors
+from pymc_hyperelastic.models.settings import (
+    holds_inflation_data,
+    inflation_data_of,
+    model_settings_of,
+)
+from pymc_hyperelastic.plots.curves import Array, band_rows
+from pymc_hyperelastic.plots.residuals import (
+    Points,
+    errors_of,
+    likelihood_of,
+    offsets_of,
+    residuals_of,
+)
+from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.draws import Draws, draws_of
 from pymc_hyperelastic.predictions.measured import typical_tests
-from pymc_hyperelastic.predictions.members import tests_of
+from pymc_hyperelastic.predictions.members import specimens_differ
+from pymc_hyperelastic.predictions.offsets import knows_offsets
 from pymc_hyperelastic.rounding import DIGITS
 
 _RADII = 80  # points of a curve over radii
@@ -35,66 +54,103 @@ _STRETCHES = 24
 _DRAWS = 1000  # draws of a band: more change no line visibly
 # Part of the largest pressure by which a pressure that is held during an extension test varies.
 _HELD = 0.5
+# Measures of a tube that a posterior may hold. The axial stretch of a curve is that of its test.
+_MEASURES = {"inner_radius", "outer_radius", "thickness", "wall_area", "opening_angle"}
 
 
-class Drawn(NamedTuple):
-    """The quantities of a figure, in the units that are drawn."""
+class Signal(NamedTuple):
+    """A measured quantity that a figure of a fit can show."""
 
-    over_radius: Callable[[Draws, Array], xr.Dataset]
-    """From draws and radii, curves with the coordinate "extrapolated"."""
-    over_stretch: Callable[[Draws, Array], dict[str, Array]]
-    """From draws and their radii along an extension test, curves."""
-    measured: Callable[[xr.Dataset], dict[str, Array]]
-    """From tests, coordinates (axis, point) of the same quantities; NaN if not measured."""
+    quantity: str
+    """Name of the quantity on the vertical axis."""
+    over_stretch: bool
+    """True if extension tests are shown, over the axial stretch; False for inflation tests."""
+    curve: Callable[[TubeNumbers, Array], Array]
+    """From tubes and internal radii, the curves of the draws."""
 
-
-class Fits(NamedTuple):
-    """Fitted classes, their data, and the curves and points that are drawn of them."""
-
-    classes: dict[str, xr.DataTree]
-    data: dict[str, xr.Dataset]
-    by: str | None
-    """The dimension of curves that have colours of their own: specimens or axial stretches."""
-    curves: xr.Dataset
-    points: xr.Dataset
-    ci_prob: float
+    def has_tests(self, data: xr.Dataset) -> NDArray[np.bool_]:
+        """Return True for each test of the kind that is shown."""
+        return extension_tests(data) == self.over_stretch
 
 
-def fits_of(
-    classes: dict[str, xr.DataTree],
-    data: dict[str, xr.Dataset],
-    ci_prob: float,
-    material: Mapping[str, Any],
-    drawn: Drawn,
-    pressure_unit: str,
-) -> Fits:
-    """Compute curves of each class over its data: for each tube, and for each extension test."""
-    by, labels, order = _labels(data, pressure_unit)
-    curves, points = [], []
-    for name, tree in classes.items():
-        thinned, tests = thinned_draws(tree, _DRAWS), data[name]
-        of_test = [(name, label) if by else (name,) for label in labels[name]]
-        inferred: dict[str, float] = {}
-        for curves_of in (_over_radii, _over_stretches):
-            for test, inferred, rows in curves_of(thinned, tests, ci_prob, material, drawn):
-                curves += [Curve(quantity, of_test[test], row) for quantity, row in rows.items()]
-        typical = typical_tests(tests, inferred)
-        place = typical["test"].values
-        for quantity, rows_of_points in drawn.measured(typical).items():
-            there = np.isfinite(rows_of_points).all(axis=0)
-            for label in dict.fromkeys(of_test):
-                own = there & np.array([one == label for one in of_test])[place]
-                if own.any():
-                    points.append(Curve(quantity, label, rows_of_points[:, own]))
-    coords = {"class_label": list(classes)} | ({by: order} if by else {})
-    curves.sort(key=lambda curve: is_over_stretch(curve.variable))
-    gathered_points = gathered(points, coords, POINTS)
-    return Fits(classes, data, by, gathered(curves, coords, BAND), gathered_points, ci_prob)
+# The signals of a fit by name, in the order of a report.
+SIGNALS = {
+    "pressure": Signal("pressure", False, lambda tube, radius: tube.pressure(radius)[0]),
+    "stiffness": Signal("stiffness", False, lambda tube, radius: tube.pressure(radius)[1]),
+    "axial_force": Signal("axial_force", False, TubeNumbers.axial_force),
+    "extension_radius": Signal("radius", True, lambda tube, radius: radius),
+    "extension_force": Signal("axial_force", True, TubeNumbers.axial_force),
+}
 
 
-def data_beside(
-    classes: Mapping[str, xr.DataTree], data: Any, specimen: str | None
-) -> dict[str, xr.Dataset]:
+class Specimen(NamedTuple):
+    """A specimen in a figure of a fit."""
+
+    label: str
+    """Name of its class, or of its group."""
+    name: str
+    tree: xr.DataTree
+    """The fit, with few enough draws for a band."""
+    tests: xr.Dataset
+    member: str | None
+    """Name under which the fit knows the specimen; None if the fit does not know it."""
+
+    @property
+    def is_typical(self) -> bool:
+        """True if its curves are those of the typical specimen of its class."""
+        return self.member is None and specimens_differ(self.tree)
+
+
+class FittedCurve(NamedTuple):
+    """The posterior of one curve of a specimen, and the measured points."""
+
+    tests: list[int]
+    """Positions of the tests among those of the specimen."""
+    band: Array
+    """Rows `BAND`."""
+    points: Array
+    """Rows `POINTS` of the measured values, NaN if not measured."""
+    residuals: Array | None
+    """Standardised residuals of the points, if the noise is known."""
+    less_offset: bool
+    """True if the offset of each test is subtracted from its forces."""
+
+
+def specimens_in(
+    classes: Mapping[str, xr.DataTree], data: Mapping[str, xr.Dataset]
+) -> tuple[str, list[Specimen]]:
+    """Return the specimens of all classes, and the dimension of their labels.
+
+    They are labelled and sorted by class, or by group if there is one class with several groups.
+    """
+    found = []
+    for of_class, tree in classes.items():
+        thinned, known = thinned_draws(tree, _DRAWS), _known_specimens(tree)
+        for name, tests in specimens_apart(data[of_class]).items():
+            member = name if name in known else None
+            found.append(Specimen(of_class, name, thinned, tests, member))
+    groups, dim = [str(one.tests["group"].values[0]) for one in found], "class_label"
+    if len(classes) == 1 and len(set(groups)) > 1:
+        dim = "group"
+        found = [one._replace(label=group) for one, group in zip(found, groups, strict=True)]
+    order = list(dict.fromkeys(one.label for one in found))
+    return dim, sorted(found, key=lambda one: order.index(one.label))
+
+
+def _known_specimens(tree: xr.DataTree) -> set[str]:
+    """Return the names of the specimens whose parameters, or tubes, the fit holds."""
+    if not holds_inflation_data(tree):
+        return set()
+    posterior = tree["posterior"]
+    if specimens_differ(tree) and (
+        "experiment_spread" in posterior
+        or not ("specimens" in tree.children or "specimen" in posterior.dims)
+    ):
+        return set()
+    return set(specimens_apart(inflation_data_of(tree)))
+
+
+def data_beside(classes: Mapping[str, xr.DataTree], data: Any) -> dict[str, xr.Dataset]:
     """Inflation data to be shown with each class: given ones, or those it was fitted to."""
     several = isinstance(data, Mapping) and not isinstance(data, xr.Dataset)
     shown = {}
@@ -106,23 +162,32 @@ def data_beside(
             if "inner_radius" not in tree.children.get("constant_data", {}):
                 raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
             own = inflation_data_of(tree)
-            own = own if specimen is None else tests_of(own, specimen)
         check_inflation_data(own)
         shown[name] = own
     return shown
 
 
-def is_over_stretch(quantity: str) -> bool:
-    """Return True for quantities that are drawn over the axial stretch, not the radius."""
-    return quantity.startswith("extension_")
+def signals_of(tree: xr.DataTree) -> list[str]:
+    """Return the signals that were measured and that the likelihood of a fit used.
+
+    If the fit does not state its likelihood, they are the measured ones without slopes.
+    """
+    data, likelihood = inflation_data_of(tree), likelihood_of(tree)
+    force = likelihood is None or likelihood.with_force
+    used = {
+        "stiffness": likelihood is not None and likelihood.errors().counts_slopes,
+        "axial_force": force and has_forces(data, "axial_force"),
+        "extension_force": force and has_forces(data, "extension_force"),
+    }
+    return [n for n, s in SIGNALS.items() if used.get(n, True) and s.has_tests(data).any()]
 
 
-def coordinates(data: xr.Dataset, **values: Array) -> dict[str, Array]:
-    """Coordinates (axis, point) of quantities; NaN at points of tests of the other kind."""
-    radius, stretch = data["radius"].values, at_points(data, "axial_stretch")
-    extended = extension_tests(data)[data["test"].values]
-    x = {False: np.where(extended, np.nan, radius), True: np.where(extended, stretch, np.nan)}
-    return {name: np.array([x[is_over_stretch(name)], y]) for name, y in values.items()}
+def has_forces(data: xr.Dataset, signal: str) -> bool:
+    """Return True if axial forces were measured in tests of the kind that a signal shows."""
+    if "axial_force" not in data:
+        return False
+    of_kind = SIGNALS[signal].has_tests(data)[data["test"].values]
+    return bool(np.isfinite(data["axial_force"].values[of_kind]).any())
 
 
 def stretch_labels(
@@ -152,31 +217,6 @@ def stretch_labels(
     return labels, sorted(order, key=lambda label: order[label])
 
 
-def _labels(
-    shown: Mapping[str, xr.Dataset], pressure_unit: str
-) -> tuple[str | None, dict[str, list[str]], list[str]]:
-    """Dimension by which curves have colours, the label of each test, and all labels in order.
-
-    Colours differ by axial stretch, by specimen if their tubes differ, or by class alone (None).
-    """
-    stretches, order = stretch_labels(shown.values(), pressure_unit)
-    if 1 < len(order) <= len(MARKERS):
-        return "axial_stretch", dict(zip(shown, stretches, strict=True)), order
-    owners = {name: _owners(data) for name, data in shown.items()}
-    by = "specimen" if any(len(set(of_class)) > 1 for of_class in owners.values()) else None
-    return by, owners, list(dict.fromkeys(label for each in owners.values() for label in each))
-
-
-def _owners(data: xr.Dataset) -> list[str]:
-    """The specimens that have the tube of each test."""
-    specimen, tube = data["specimen"].values, tubes_of(data)
-    owners = [dict.fromkeys(specimen[tube == own].tolist()) for own in tube.tolist()]
-    return [
-        str(next(iter(names))) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
-        for names in owners
-    ]
-
-
 def tubes_of(data: xr.Dataset) -> NDArray[np.intp]:
     """The number of the tube of each test; tubes that differ by rounding errors are the same."""
     tubes = {name: data[name].values for name in GEOMETRY if name != "axial_stretch"}
@@ -184,56 +224,164 @@ def tubes_of(data: xr.Dataset) -> NDArray[np.intp]:
     return table.groupby(list(GEOMETRY), dropna=False).ngroup().to_numpy()
 
 
-def _known_tube(data: xr.Dataset, test: int) -> dict[str, Any]:
-    """Known geometry of a test, without its axial stretch."""
-    values = {n: float(data[n].values[test]) for n in GEOMETRY if n != "axial_stretch"}
-    return {name: value for name, value in values.items() if np.isfinite(value)}
+def curves_of(
+    specimen: Specimen, signal: str, energy: Any, ci_prob: float, residuals: bool
+) -> Iterator[FittedCurve]:
+    """Yield the curves of a specimen, in kPa, mm and mN: of each tube, or of each extension test.
 
-
-_CurvesOfTest = Iterator[tuple[int, dict[str, float], dict[str, Array]]]
-
-
-def _over_radii(
-    tree: xr.DataTree, data: xr.Dataset, ci_prob: float, material: Mapping[str, Any], drawn: Drawn
-) -> _CurvesOfTest:
-    """The first inflation test on each tube, medians of inferred geometry, and its curves."""
-    held, tubes, stretches = ~extension_tests(data), tubes_of(data), held_stretches(data)
-    for tube in np.unique(tubes[held]).tolist():
-        tests = np.flatnonzero(held & (tubes == tube))
-        known = _known_tube(data, int(tests[0]))
-        if np.isfinite(stretch := stretches[tests[0]]):
-            known["axial_stretch"] = float(stretch)
-        draws = draws_of(tree, Tube(**known), **material)
-        typical = typical_tests(data, draws.inferred)
-        radius = typical["radius"].values[np.isin(typical["test"].values, tests)]
-        grid = np.linspace(radius.min(), radius.max(), _RADII)
-        curves = drawn.over_radius(draws, grid)
-        beyond = curves.coords.get("extrapolated", xr.zeros_like(curves["radius"])).values
-        rows = {
-            str(name): band_rows(grid, curve.values, ci_prob, beyond)
-            for name, curve in curves.data_vars.items()
-        }
-        yield int(tests[0]), draws.inferred, rows
-
-
-def _over_stretches(
-    tree: xr.DataTree, data: xr.Dataset, ci_prob: float, material: Mapping[str, Any], drawn: Drawn
-) -> _CurvesOfTest:
-    """Each extension test, medians of inferred geometry, and its curves.
-
-    The radius of a draw is that at the pressure which was measured there, or between the points.
+    The radius of a draw in an extension test is that at the measured pressure, or between points.
     """
-    for test in np.flatnonzero(extension_tests(data)).tolist():
-        points = points_of(data, test)
-        measured = at_points(data, "axial_stretch")[points], data["pressure"].values[points]
-        stretch, pressure = (evenly_along(measured[0], each, _STRETCHES) for each in measured)
-        known = _known_tube(data, test) | {"axial_stretch": stretch}
-        draws = draws_of(tree, Tube(**known), **material)
+    shown, tests = SIGNALS[signal], specimen.tests
+    by_tube: dict[tuple, Draws] = {}
+    chosen = np.flatnonzero(shown.has_tests(tests))
+    tubes = np.arange(tests.sizes["test"]) if shown.over_stretch else tubes_of(tests)
+    for number in dict.fromkeys(tubes[chosen].tolist()):
+        of_tube = chosen[tubes[chosen] == number]
+        own = tests_at(tests, of_tube)
+        known = _known_tube(specimen, own)
+        if tuple(known.values()) not in by_tube:
+            # Draws of a specimen take long, and serve for its tests at all stretches.
+            tube: dict[str, Any] = dict(known)
+            if np.isfinite(at_points(own, "axial_stretch")).all():
+                tube["axial_stretch"] = 1.0
+            by_tube[tuple(known.values())] = draws_of(
+                specimen.tree, Tube(**tube), specimen.member, energy
+            )
+        draws = by_tube[tuple(known.values())]
+        band, draws = _band(signal, own, draws, ci_prob)
+        own, points = _at_points(signal, own, draws)
+        errors = errors_of(specimen.tree, draws)
+        of_force = shown.quantity == "axial_force" and "axial_force" in own
+        less_offset = of_force and knows_offsets(specimen.tree)
+        if errors is not None and of_force and _has_unknown_offsets(specimen, errors):
+            force = own["axial_force"].values - offsets_of(points, errors)
+            own, less_offset = own.assign(axial_force=("obs", force)), True
+            points = points._replace(tests=own)
+        standardised = None
+        if residuals and errors is not None and _is_used(signal, own, errors):
+            standardised = residuals_of(signal, points, errors)
+        measured = _measured(signal, own, points)
+        yield FittedCurve(of_tube.tolist(), band, measured, standardised, less_offset)
+
+
+def _has_unknown_offsets(specimen: Specimen, errors: Errors) -> bool:
+    """Return True if tests have offsets that the fit integrated out, and did not store."""
+    fitted = specimen.member is not None and not knows_offsets(specimen.tree)
+    return fitted and errors.force_offset_sd is not None
+
+
+def _is_used(signal: str, tests: xr.Dataset, errors: Errors) -> bool:
+    """Return True if a signal was measured, and was part of the likelihood."""
+    if signal == "stiffness":
+        return bool(errors.counts_slopes)
+    with_force = errors.force_sd is not None and "axial_force" in tests
+    return with_force or SIGNALS[signal].quantity != "axial_force"
+
+
+def _band(signal: str, tests: xr.Dataset, draws: Draws, ci_prob: float) -> tuple[Array, Draws]:
+    """Rows of the band over tests on one tube, and the draws at its axial stretch."""
+    shown, x = SIGNALS[signal], abscissa(signal, tests)
+    if shown.over_stretch:
+        grid, pressure = (evenly_along(x, v, _STRETCHES) for v in (x, tests["pressure"].values))
+        draws = _stretched(draws, grid)
         radius = draws.radius_at(pressure)
         beyond = draws.extrapolated_pressures(pressure, radius, "kPa")
-        extrapolated = 0.0 if beyond is None else beyond.points
-        rows = {
-            name: band_rows(stretch, curve, ci_prob, extrapolated)
-            for name, curve in drawn.over_stretch(draws, radius).items()
-        }
-        yield test, draws.inferred, rows
+    else:
+        grid = np.linspace(x.min(), x.max(), _RADII)
+        draws = _stretched(draws, held_stretches(tests)[:1])
+        radius = _internal_radius(grid, tests, draws.tube)
+        beyond = draws.extrapolated_radii(_typical_radius(grid, radius, tests))
+    shape = draws.coords["chain"].size, draws.coords["draw"].size, grid.size
+    values = np.broadcast_to(shown.curve(draws.tube, radius), shape)
+    if signal == "extension_radius" and "outer_diameter" in tests:
+        values = 2 * current_radius(
+            draws.tube.geometry["outer_radius"], values, **draws.tube.unloaded
+        )
+    return band_rows(grid, values, ci_prob, 0.0 if beyond is None else beyond.points), draws
+
+
+def _stretched(draws: Draws, stretch: Array) -> Draws:
+    """The draws at another axial stretch, or at one for each point, unless it is unknown."""
+    if np.isnan(stretch).any():
+        return draws
+    typical: Any = float(stretch[0]) if stretch.size == 1 else stretch
+    tube = draws.tube.stretched(stretch[None, None])
+    return draws._replace(tube=tube, typical={**draws.typical, "axial_stretch": typical})
+
+
+def _typical_radius(grid: Array, radius: Array, tests: xr.Dataset) -> Array:
+    """Internal radii for the comparison with the measured range, as the data state these."""
+    if radius.ndim == 1:
+        return radius
+    if not np.isfinite(tests["radius"].values).all():
+        return np.nanmedian(radius, axis=(0, 1))
+    return np.interp(grid, *np.sort([tests["outer_diameter"].values, tests["radius"].values]))
+
+
+def _known_tube(specimen: Specimen, tests: xr.Dataset) -> dict[str, Any]:
+    """Geometry of a tube without its axial stretch, as the data state it.
+
+    If the fit inferred the tube of this specimen, the geometry is that of the fit.
+    """
+    settings = model_settings_of(specimen.tree)
+    inferred = {*specimen.tree["posterior"].data_vars, *(settings.geometry_sd if settings else ())}
+    names = [name for name in GEOMETRY if name != "axial_stretch"]
+    if specimen.member is not None and inferred & _MEASURES:
+        names = []
+    known = {name: float(tests[name].values[0]) for name in names}
+    return {name: value for name, value in known.items() if np.isfinite(value)}
+
+
+def abscissa(signal: str, tests: xr.Dataset) -> Array:
+    """Values on the horizontal axis: axial stretches, or the measured radii or diameters."""
+    if SIGNALS[signal].over_stretch:
+        return at_points(tests, "axial_stretch")
+    return tests[radius_of(tests)].values
+
+
+def radius_of(tests: xr.Dataset) -> str:
+    """Return which radius was measured: the outer diameter, or the internal radius."""
+    return "outer_diameter" if "outer_diameter" in tests else "radius"
+
+
+def _internal_radius(x: Array, tests: xr.Dataset, tube: TubeNumbers) -> Array:
+    """Internal radii, of each draw if outer diameters were measured."""
+    if "outer_diameter" not in tests:
+        return x
+    # A diameter may be too small for the wall of a draw.
+    with np.errstate(invalid="ignore"):
+        return internal_radius_from_outer_radius(x / 2, **tube.geometry)
+
+
+def _at_points(signal: str, tests: xr.Dataset, draws: Draws) -> tuple[xr.Dataset, Points]:
+    """Tests on the typical tube, and the draws at their points."""
+    typical, tube = typical_tests(tests, draws.inferred), draws.tube
+    if SIGNALS[signal].over_stretch:
+        tube = tube.stretched(at_points(tests, "axial_stretch")[None, None])
+    radius = _internal_radius(tests[radius_of(tests)].values, tests, tube)
+    return typical, Points(tube, radius, typical, _slopes(typical))
+
+
+def _slopes(tests: xr.Dataset) -> Array:
+    """Central differences of the pressure by the internal radius, kPa/mm; NaN at ends of tests."""
+    radius, pressure = tests["radius"].values, tests["pressure"].values
+    slope = np.full_like(pressure, np.nan)
+    for i in range(tests.sizes["test"]):
+        test = points_of(tests, i)
+        step = radius[test][2:] - radius[test][:-2]
+        step[step == 0] = np.nan
+        slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
+    return slope
+
+
+def _measured(signal: str, tests: xr.Dataset, points: Points) -> Array:
+    """Rows `POINTS` of the measured values."""
+    if signal == "stiffness":
+        values = points.slopes
+    elif signal == "extension_radius" and "outer_diameter" in tests:
+        values = tests["outer_diameter"].values
+    elif SIGNALS[signal].quantity in tests:
+        values = tests[SIGNALS[signal].quantity].values
+    else:
+        values = np.full(tests.sizes["obs"], np.nan)
+    return np.array([abscissa(signal, tests), values])

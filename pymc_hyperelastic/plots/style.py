@@ -53,14 +53,15 @@ _LEAST_ERROR = 0.0005
 class Canvas:
     """A PlotCollection in the making, and what its user wants of it.
 
-    `layout` is a constructor of the PlotCollection, `data` what its panels are made for, `known`
-    names the visuals of the figure between spaces, `size` is in inches, `share` states shared axes,
-    and `settings` are those of the PlotCollection. Settings of the user replace these.
+    `layout` makes the PlotCollection: the name of one of its constructors, or a function with the
+    same arguments. `data` is what its panels are made for, `known` names the visuals of the figure
+    between spaces, `size` is in inches, `share` states shared axes, and `settings` are those of the
+    PlotCollection. Settings of the user replace these.
     """
 
     def __init__(
         self,
-        layout: Literal["wrap", "grid"],
+        layout: Literal["wrap", "grid"] | Callable[..., PlotCollection],
         data: xr.Dataset,
         known: str,
         wishes: Wishes,
@@ -81,9 +82,8 @@ class Canvas:
         self._may_grow = "figsize" not in of_user
         figure = {"layout": "constrained", "figsize": size, **share} | of_user
         settings = {"color": PALETTE} | settings | given | {"figure_kwargs": figure}
-        self.collection: PlotCollection = getattr(PlotCollection, layout)(
-            data, backend=backend, **settings
-        )
+        make = getattr(PlotCollection, layout) if isinstance(layout, str) else layout
+        self.collection: PlotCollection = make(data, backend=backend, **settings)
 
     def wanted(self, name: str, settings: dict[str, Any]) -> dict[str, Any] | None:
         """Settings of a visual, the user's before ours; None if it is to be left out."""

@@ -153,7 +153,7 @@ def predict_axial_force(
 
     See Also
     --------
-    predict_pressure, tube_properties, plot_axial_force
+    predict_pressure, tube_properties, plot_fit
 
     Examples
     --------

@@ -201,7 +201,11 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
     )
     coordinates = posterior["location"].transpose("coordinate", "chain", "draw")
     found = _parameters(scale, coordinates.copy(data=draws.centre[:, chosen]))
-    return found.assign(_tube_of_draws(tree, specimen, draws.deviations[:, chosen]))
+    found = found.assign(_tube_of_draws(tree, specimen, draws.deviations[:, chosen]))
+    # Sizes of measurement errors that the class infers for each specimen.
+    noises = read_group(tree, "specimens").coords.get("noise", xr.DataArray([])).values.tolist()
+    sizes = zip(noises, draws.log_size, strict=False)
+    return found.assign({str(n): (("chain", "draw"), np.exp(v[chosen])) for n, v in sizes})
 
 
 def _tube_of_draws(

@@ -8,8 +8,9 @@ import xarray as xr
 
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
-from pymc_hyperelastic.plots.fit import plot_pressure_fit
-from pymc_hyperelastic.plots.force import plot_axial_force
+from pymc_hyperelastic.plots.fit import plot_fit
+from pymc_hyperelastic.plots.fitted_curves import signals_of
+from pymc_hyperelastic.plots.residuals import knows_noise
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
 from pymc_hyperelastic.reports.meanings import meaning_of
@@ -23,7 +24,6 @@ from pymc_hyperelastic.reports.settings import (
     known_wall,
     reference_stress_of,
     units_of,
-    uses_forces,
 )
 
 # Probability of the intervals and bands of a report.
@@ -32,6 +32,14 @@ PROB = 0.95
 _REGIONS = (0.5, PROB)
 # Share of draws with the rarer sign above which the absolute value of a parameter is shown too.
 _BOTH_SIGNS = 0.01
+# Signals of a fit, in the titles of their figures.
+_SIGNALS = {
+    "pressure": "pressure",
+    "stiffness": "slope of the pressure",
+    "axial_force": "axial force",
+    "extension_radius": "radius in extension tests",
+    "extension_force": "axial force in extension tests",
+}
 
 
 def classes_of(result: xr.DataTree, page: Page) -> dict[str, xr.DataTree]:
@@ -68,26 +76,29 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         page.text("The result holds no data with which its curves could be compared.")
         return
     differ = all(map(specimens_differ, classes.values()))
-    whose = "the typical material in the tube of each specimen" if differ else "all specimens"
+    whose = "each specimen" if differ else "the class in the tube of each specimen"
     note = (
         f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose}, "
         "without measurement error. Points: data."
     )
-    page.figure(
-        "Fit of the pressure and its slope",
-        plot_pressure_fit,
-        result,
-        note=note,
-        ci_prob=PROB,
-        pressure_unit=page.at.pressure_unit,
-    )
-    if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
-        page.figure("Fit of the axial force", plot_axial_force, result, note=note, ci_prob=PROB)
-        if not uses_forces(next(iter(classes.values()))):
-            page.text(
-                "The axial forces were not used in the fit: the figure shows whether the fit to "
-                "the pressures predicts them."
-            )
+    residuals = all(map(knows_noise, classes.values()))
+    if residuals:
+        note += (
+            " Strips: residuals in standard deviations of the measurement error; if the model is "
+            "right, about 19 of 20 lie between the dashed lines."
+        )
+    of_classes = [signals_of(tree) for tree in classes.values()]
+    for signal in dict.fromkeys(signal for signals in of_classes for signal in signals):
+        page.figure(
+            f"Fit of the {_SIGNALS[signal]}",
+            plot_fit,
+            result,
+            note=note,
+            signal=signal,
+            residuals=residuals,
+            ci_prob=PROB,
+            pressure_unit=page.at.pressure_unit,
+        )
     if differ and all("specimens" in tree.children for tree in classes.values()):
         tables = [
             of_class(name, tree["specimens"].to_dataset(), "specimen misfit freedom")

@@ -103,7 +103,8 @@ def elements(figure, function, variable=None):
         panels = panels[variable]
     elif isinstance(panels, xr.Dataset):
         panels = panels.to_array()
-    return [e for panel in panels.values.ravel() for e in panel if e["function"] == function]
+    # A grid may have places without a panel.
+    return [e for panel in panels.values.ravel() for e in panel or () if e["function"] == function]
 
 
 def points_of(figure, variable=None):

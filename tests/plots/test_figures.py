@@ -17,7 +17,7 @@ def test_titles_name_the_data_and_say_whether_they_are_simulated(few_draws):
         DATA.attrs["title"]: ph.plot_inflation(DATA, backend="none"),  # "SIMULATED sheep aorta"
     }
     # The posterior of simulated data is simulated, too.
-    fit = ph.plot_pressure_fit(few_draws["C1"], measured, backend="none")
+    fit = ph.plot_fit(few_draws["C1"], measured, backend="none")
     titles["Ogden, Aortas, SIMULATED data"] = fit
     for title, figure in titles.items():
         assert figure.get_viz("figure_title")["string"] == title
@@ -30,12 +30,11 @@ def test_axis_labels_name_quantity_and_unit(classes, few_draws):
     density = ph.plot_parameter_density(classes, backend="none")
     assert texts(density, "xlabel") == [r"$\mu$ (kPa)"]
     assert texts(density, "ylabel") == [r"$\alpha$"] * 2
-    fit = ph.plot_pressure_fit(few_draws, backend="none", pressure_unit="mmHg")
-    assert texts(fit, "ylabel") == [
-        "pressure (mmHg)",
-        r"stiffness $\mathrm{d}p/\mathrm{d}a$ (mmHg/mm)",
-    ]
-    assert texts(fit, "title") == ["class C1", "class C2"]
+    fit = ph.plot_fit(few_draws, backend="none", pressure_unit="mmHg")
+    slopes = ph.plot_fit(few_draws, signal="stiffness", backend="none", pressure_unit="mmHg")
+    assert set(texts(fit, "ylabel")) == {"pressure (mmHg)"}
+    assert set(texts(slopes, "ylabel")) == {"stiffness $\\mathrm{d}p/\\mathrm{d}a$\n(mmHg/mm)"}
+    assert texts(fit, "title") == DATA["specimen"].values[::3].tolist()
     # A class has the same colour in each figure.
     for figure in (density, fit):
         assert figure.aes["color"]["mapping"].values.tolist() == PALETTE[:2]
@@ -64,8 +63,8 @@ def without_data(tree):
         (lambda c, r: ph.plot_parameter_density(xr.DataTree()), "no posterior"),
         (lambda c, r: ph.plot_parameter_density(c, var_names=["mu", "mu"]), "two different"),
         (lambda c, r: ph.plot_parameter_density(c, ci_probs=[1.0]), "between 0 and 1"),
-        (lambda c, r: ph.plot_pressure_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
-        (lambda c, r: ph.plot_pressure_fit(without_data(c["C1"])), "no inflation data"),
+        (lambda c, r: ph.plot_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
+        (lambda c, r: ph.plot_fit(without_data(c["C1"])), "no inflation data"),
         (lambda c, r: ph.plot_class_probability(DATA), "lacks 'class_probability'"),
         (lambda c, r: ph.plot_class_probability({"A": r, "B": r.head(1)}), "differ in their"),
         (lambda c, r: ph.plot_class_probability(r, none_below=1), "none_below is 1; expected"),

@@ -94,8 +94,8 @@ def test_measured_outer_diameters_are_labelled_as_diameters():
     assert set(texts(figure, "xlabel")) == {"outer diameter $d_o$ (mm)"}
     x = np.concatenate([e["x"] for e in elements(figure, "scatter")])
     np.testing.assert_array_equal(np.sort(x), np.sort(data["outer_diameter"].values))
-    (label,) = set(texts(ph.plot_pressure_fit(fitted(data), backend="none"), "xlabel"))
-    assert label == "internal radius $a$ (mm)\nfrom the measured outer diameter"
+    (label,) = set(texts(ph.plot_fit(fitted(data), backend="none"), "xlabel"))
+    assert label == "outer diameter $d_o$ (mm)"
 
 
 def test_inflation_and_extension_points_are_drawn_in_their_own_panels():
