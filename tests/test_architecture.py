@@ -23,14 +23,14 @@ def page() -> str:
     return (DOCS / "project" / "architecture.md").read_text(encoding="utf-8")
 
 
-def mapped_wings() -> list[str]:
-    """List the wings of the page's first table, from top to bottom."""
+def mapped_layers() -> list[str]:
+    """List the layers of the page's first table, from top to bottom."""
     return re.findall(r"^\| `(\w+)(?:\.py|/)` \|", page().split("\n## ")[0], flags=re.MULTILINE)
 
 
-def mapped_rooms(wing: str) -> list[str]:
-    """List the rooms of a wing's table, from top to bottom, without suffix."""
-    section = next(s for s in page().split("\n## ") if s.startswith(f"`{wing}/`\n"))
+def mapped_modules(layer: str) -> list[str]:
+    """List the modules of a layer's table, from top to bottom, without suffix."""
+    section = next(s for s in page().split("\n## ") if s.startswith(f"`{layer}/`\n"))
     return re.findall(r"^\| `(\w+)(?:\.py|/)` \|", section, flags=re.MULTILINE)
 
 
@@ -74,32 +74,32 @@ def imports_within(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, 
     return {(importer, target) for importer, target in found if importer != target}
 
 
-def test_architecture_page_lists_every_wing_and_module_once():
-    assert sorted(mapped_wings()) == sorted(inside(PACKAGE))
-    for wing in mapped_wings():
-        if not (PACKAGE / wing).is_dir():
+def test_architecture_page_lists_every_layer_and_module_once():
+    assert sorted(mapped_layers()) == sorted(inside(PACKAGE))
+    for layer in mapped_layers():
+        if not (PACKAGE / layer).is_dir():
             continue
-        assert sorted(mapped_rooms(wing)) == sorted(inside(PACKAGE / wing)), wing
+        assert sorted(mapped_modules(layer)) == sorted(inside(PACKAGE / layer)), layer
 
 
 def assert_upward(order: list[str], found: set[tuple[str, str]]) -> None:
     rank = {name: row for row, name in enumerate(order)}
     assert found, "no import was found: the search itself is broken"
-    # A name that is no module is provided by the __init__ of the package or the wing.
+    # A name that is no module is provided by the __init__ of the package or the layer.
     last = len(order)
     assert not {pair for pair in found if rank[pair[0]] <= rank.get(pair[1], last)}
 
 
 def test_wings_import_only_from_wings_above_them_on_the_page():
-    assert_upward(mapped_wings(), imports_within(PACKAGE))
+    assert_upward(mapped_layers(), imports_within(PACKAGE))
 
 
 @pytest.mark.parametrize(
-    "wing",
+    "layer",
     ["parallel", "mechanics", "data", "evidence", "models", "io", "classes", "plots", "reports"],
 )
-def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
-    assert_upward(mapped_rooms(wing), imports_within(PACKAGE / wing, (wing,)))
+def test_modules_import_only_from_modules_above_them_in_their_layer(layer):
+    assert_upward(mapped_modules(layer), imports_within(PACKAGE / layer, (layer,)))
 
 
 # Modules that integrate over a wall; other modules use the forward model or a named integral.
@@ -139,7 +139,7 @@ sys.modules["pymc_hyperelastic"] = package
 class Walled:
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[:1] == ["pymc_hyperelastic"] and name.split(".")[1] in others:
-            raise ImportError(f"{{name}} is another wing")
+            raise ImportError(f"{{name}} is another layer")
 
 
 sys.meta_path.insert(0, Walled())
@@ -162,7 +162,9 @@ print(log_evidence(tree).value)
 
 
 def test_evidence_samples_a_model_if_other_wings_cannot_be_imported():
-    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "messages", "parallel")]
+    others = [
+        layer for layer in inside(PACKAGE) if layer not in ("evidence", "messages", "parallel")
+    ]
     code = EVIDENCE_ALONE.format(others=others, folder=str(PACKAGE))
     in_python = os.environ | {"PYTENSOR_FLAGS": "mode=FAST_COMPILE"}
     command = [sys.executable, "-c", code]

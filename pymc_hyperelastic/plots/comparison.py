@@ -73,10 +73,10 @@ def plot_comparison(
     result : xarray.Dataset
         Result of :func:`pymc_hyperelastic.compare_classes`.
     statistic : {"typical", "mean", "spread"}
-        What is compared: the typical specimen, the mean over specimens, or their spread, beside
-        which specimens are not shown.
+        The compared statistic: the typical specimen, the mean over specimens, or their spread.
+        Specimens are not shown beside spreads.
     contrast : {"difference", "ratio"}
-        Whether the right panel shows ``second − first`` or ``second / first``. A quantity without a
+        Content of the right panel: ``second − first`` or ``second / first``. A quantity without a
         ratio, such as a logarithm, shows its difference.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``specimen_interval``,
@@ -239,7 +239,7 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
 def _draw_contrasts(canvas: Canvas, contrasts: xr.Dataset, groups: xr.Dataset) -> None:
     """Draw contrasts with their intervals, and the line of no difference in both panels."""
     first = groups["value"].isel(group=0, drop=True)
-    # Of more than two groups, the line would be that of some contrasts only.
+    # With more than two groups, the line would belong to some contrasts only.
     first = first.where(groups.sizes["group"] == 2)
     panels = xr.DataArray([*_PANELS], dims="panel", name="panel")
     both = [n.reset_coords(drop=True) for n in (first, contrasts["nothing"])]

@@ -101,7 +101,7 @@ def plot_fit(
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
         Inflation data to show, or those for each class; by default the training data.
     signal : str, optional
-        What is shown; by default the first of these that the data have:
+        The signal to show; by default the first of these that the data have:
 
         - ``"pressure"``: pressures of inflation tests, over the measured radius or diameter;
         - ``"stiffness"``: slopes of the same curves, and central differences of the data;
@@ -112,7 +112,7 @@ def plot_fit(
     specimens : list of str, optional
         Specimens to show; by default all, at most 24.
     residuals : bool, default False
-        Whether a strip below each panel shows standardised residuals: measured value minus
+        If True, a strip below each panel shows standardised residuals: measured value minus
         posterior median of the curve, in standard deviations of the measurement error, with lines
         at ±2. The likelihood must be known, and must use the signal.
     ci_prob : float

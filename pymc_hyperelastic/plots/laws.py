@@ -87,7 +87,7 @@ def plot_law_probability(
     Warns
     -----
     UserWarning
-        If a fit does not say from which data, or with which noise, it was made.
+        If a fit does not state its data or its noise.
 
     See Also
     --------

@@ -63,8 +63,8 @@ def plot_class_probability(
         as one of strain energies, have panels of their own. Experiments that are not classified yet
         (NaN) have no bar.
     undecided_below, none_below : float, optional
-        Limits drawn as lines unless 0, that of the probability and that of the p-values; when
-        missing those that :func:`pymc_hyperelastic.classify` was given.
+        Limits of the probability and of the p-values, drawn as lines unless 0; by default the
+        limits that :func:`pymc_hyperelastic.classify` was given.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``bar``, ``doubtful`` (bars
         of a decision that is no class), ``error`` (one standard error to each side), ``true``,

@@ -61,8 +61,8 @@ def show_designs(result: xr.Dataset, page: Page) -> None:
     frame = frame_of(result, names, "design")
     page.table(f"{what}, in nats", frame, note)
     page.findings.append(
-        f"Of the planned tests, {result['design'].values[0]} tells most about the {about} of a new "
-        f"specimen: {in_words(frame['information'][0])} nats are expected."
+        f"The planned test {result['design'].values[0]} is expected to give the most information "
+        f"about the {about} of a new specimen, {in_words(frame['information'][0])} nats."
     )
     if about == "class":
         most = short(float(result.attrs["entropy"]))
