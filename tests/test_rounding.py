@@ -32,7 +32,7 @@ either_way = pytest.mark.parametrize("error", [0.0, 2**-52, -(2**-52)])
 
 @either_way
 def test_first_of_equally_probable_classes_is_chosen_despite_rounding(error):
-    """Checked are the decision, its limits, the score, the rival, and the number above the bar."""
+    """Checked are the decision, its limits, the score, the rival, and the words beside the bars."""
     p = xr.DataArray([[0.5 - error / 2, 0.5 + error / 2]], {"class_label": ["a", "b"]}, DIMS)
     columns = {"class_probability": p, "log_evidence": np.log(p), "log_evidence_se": 0 * p}
     columns |= {"pareto_k": 0 * p, "class_verdict": xr.full_like(p, "good", dtype=object)}
@@ -41,7 +41,8 @@ def test_first_of_equally_probable_classes_is_chosen_despite_rounding(error):
     scores = ph.score_probabilities(p, ["a"], bins=2)
     assert (scores["correct"].item(), *scores["count"].values[1]) == (True, 1, 0)
     assert rivals_of(np.array([-3.0, 2 * error - 2, -2 * error - 2]))[0] == 1
-    assert (probability._written(p, p, p, p)["vertical_align"] == "bottom").all()
+    shown = xr.Dataset({"class_probability": p, "class_probability_se": 0.1 + 0 * p})
+    assert probability._words_of(shown, "specimen") == [(True, "a 0.50 ± 0.10")]
 
 
 @either_way

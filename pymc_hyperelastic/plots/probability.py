@@ -22,6 +22,7 @@ from pymc_hyperelastic.plots.style import (
     rounded_probability,
     stacked,
 )
+from pymc_hyperelastic.rounding import DIGITS
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -195,7 +196,7 @@ def _words_of(result: xr.Dataset, row: str) -> list[tuple[bool, str]]:
         if np.isnan(probability).all():
             rows.append((False, "not classified"))
             continue
-        largest = int(np.nanargmax(probability))
+        largest = int(np.nanargmax(probability.round(DIGITS)))
         decision = str(own["decision"].item()) if "decision" in own else classes[largest]
         if decision in classes:
             place = classes.index(decision)

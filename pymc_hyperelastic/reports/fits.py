@@ -24,6 +24,7 @@ from pymc_hyperelastic.reports.settings import (
     known_wall,
     reference_stress_of,
     units_of,
+    uses_forces,
 )
 
 # Probability of the intervals and bands of a report.
@@ -99,6 +100,9 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
             ci_prob=PROB,
             pressure_unit=page.at.pressure_unit,
         )
+    measured = any("axial_force" in inflation_data_of(tree) for tree in classes.values())
+    if measured and not any(map(uses_forces, classes.values())):
+        page.text("Axial forces were measured, and were not used in the fit.")
     if differ and all("specimens" in tree.children for tree in classes.values()):
         tables = [
             of_class(name, tree["specimens"].to_dataset(), "specimen misfit freedom")
