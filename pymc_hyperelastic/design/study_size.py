@@ -298,7 +298,6 @@ def _studied(kind: HierarchicalClass, pilot: _Pilot, sizes: Sequence[int], rng: 
     freedom = 1 / (2 * kind.scale.spread_prior[1] ** 2)
     error = np.diagonal(pilot.errors, axis1=1, axis2=2).mean(axis=0)
     scatter = freedom * np.diag(spread**2 + error)
-
     middles, scales = [], []
     for n in sizes:
         x = specimens[:, :, :n]
@@ -310,9 +309,8 @@ def _studied(kind: HierarchicalClass, pilot: _Pilot, sizes: Sequence[int], rng: 
         middles.append((weight * mean + n * found) / (weight + n))
         scales.append(total / ((weight + n) * (freedom + n)))
     counts = np.array(sizes)
-    return _Known(
-        np.stack(middles, axis=1), np.stack(scales, axis=1), weight + counts + 1, freedom + counts
-    )
+    middle, scale = (np.stack(of_sizes, axis=1) for of_sizes in (middles, scales))
+    return _Known(middle, scale, weight + counts + 1, freedom + counts)
 
 
 def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
@@ -350,8 +348,7 @@ def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.D
             "truth": (("comparison", "quantity", "study"), truth[:, :, 0]),
         }
     )
-    count = truth.shape[-1]
-    width = each["study_width"]
+    width, count = each["study_width"], truth.shape[-1]
     shares = each[["decided", "wrong", "covered"]].mean("study")
     ends = width.quantile([tail, 1 - tail], "study").rename(quantile="bound")
     # Standard error of the median, from the order statistics one standard error from the middle.
