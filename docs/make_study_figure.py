@@ -44,8 +44,8 @@ columns = [
         picture(ph.plot_fit, classes, 5.4, specimens=["S2", "S4"], pressure_unit="mmHg"),
     ],
     [
-        picture(ph.plot_parameter_density, classes, 2.9),
-        picture(ph.plot_class_probability, result, 5.8),
+        picture(ph.plot_parameter_density, classes, 5.2),
+        picture(ph.plot_class_probability, result, 3.5),
     ],
 ]
 pixels = np.concatenate([np.concatenate(column) for column in columns], axis=1)
