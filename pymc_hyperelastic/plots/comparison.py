@@ -10,7 +10,7 @@ import xarray as xr
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Curve, band_rows
-from pymc_hyperelastic.plots.labels import quantity_label, rounded
+from pymc_hyperelastic.plots.labels import quantity_label
 from pymc_hyperelastic.plots.properties import draw_over_pressure
 from pymc_hyperelastic.plots.style import (
     Backend,
@@ -23,6 +23,7 @@ from pymc_hyperelastic.plots.style import (
     stacked,
     ticks_on_the_right,
 )
+from pymc_hyperelastic.rounding import rounded_interval
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -296,7 +297,7 @@ def _words_of(groups: xr.Dataset, contrasts: xr.Dataset) -> list[str]:
     for i, (first, second) in enumerate(zip(groups["first"], groups["second"], strict=True)):
         own = contrasts.isel(comparison=i)
         numbers = float(own["median"]), *own["interval"].values.tolist()
-        median, low, high = rounded(float(own["sd"]), *numbers)
+        median, low, high = rounded_interval(*numbers)
         of_both = f"{literal(second.item())} {sign} {literal(first.item())}"
         words.append(f"{of_both}\n{median} ({low} to {high})")
     return words

@@ -1,8 +1,7 @@
-"""Words, symbols, units and rounded numbers in figures."""
+"""Words, symbols and units of quantities in figures."""
 
 import re
 from contextlib import suppress
-from math import floor, inf, log10
 from textwrap import fill
 
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
@@ -10,10 +9,6 @@ from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
 # Letters of a line of a label.
 _WIDTH = 24
-# Significant digits of a value that has no error.
-_DIGITS = 3
-# Decimals at most: an error of rounding is no error of a result.
-_MOST_DECIMALS = 12
 # Name of a quantity: words of its axis, and the unit of its numbers; None if it has none.
 LABELS: dict[str, tuple[str, str | None]] = {
     name: (
@@ -103,21 +98,3 @@ def parameter_of(law: str | None, name: str) -> Parameter | None:
         energy = StrainEnergy.from_name(first.group() if first else "")
         return next((p for p in energy.parameters if p.name == name), None)
     return None
-
-
-def rounded(error: float, *values: float) -> list[str]:
-    """Numbers as they are printed: with as many decimals as two digits of their error need.
-
-    Examples
-    --------
-    >>> rounded(0.0123, 0.98765, -1), rounded(0.0998, 2), rounded(430, 12346)
-    (['0.988', '−1.000'], ['2.00'], ['12350'])
-    >>> rounded(0.0, 1.2345)
-    ['1.23']
-    """
-    if not 0 < error < inf:
-        return [f"{value:.{_DIGITS}g}".replace("-", "−") for value in values]
-    # An error of 0.0998 is printed as 0.10.
-    decimals = min(1 - floor(log10(float(f"{error:.1e}"))), _MOST_DECIMALS)
-    texts = [f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}" for value in values]
-    return [text.replace("-", "−").replace("inf", "∞") for text in texts]

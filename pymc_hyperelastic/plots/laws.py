@@ -11,7 +11,6 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.labels import rounded
 from pymc_hyperelastic.plots.rows import draw_lines, draw_points, heights, row_panels
 from pymc_hyperelastic.plots.style import (
     DOUBT,
@@ -24,6 +23,7 @@ from pymc_hyperelastic.plots.style import (
     stacked,
     training_attrs,
 )
+from pymc_hyperelastic.rounding import rounded
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -238,8 +238,8 @@ def _number(value: float, error: float, known: bool, panel: str) -> str:
     if panel == "probability":
         return rounded_probability(value, error)
     if error:
-        return " ± ".join(rounded(error, value, error))
-    return rounded(_OF_DIFFERENCES, value)[0]
+        return " ± ".join(rounded([value, error], error))
+    return rounded([value], _OF_DIFFERENCES)[0]
 
 
 def _write(da: xr.DataArray, target: Any, *, text: Any, known: Any, **settings: Any) -> Any:

@@ -16,7 +16,7 @@ from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, is_said, read_draws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.settings import law_names_of
-from pymc_hyperelastic.plots.labels import rounded
+from pymc_hyperelastic.rounding import rounded
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -256,7 +256,7 @@ def per_kilopascal(pressure_unit: str) -> float:
 def rounded_probability(probability: float, error: float = 0.0) -> str:
     """A probability as it is printed, never as exactly zero or one unless its error says so."""
     if error >= _LEAST_ERROR:
-        return " ± ".join(rounded(error, probability, error))
+        return " ± ".join(rounded([probability, error], error))
     if probability < 0.0005:
         return "<0.001"
     return ">0.999" if probability > 0.9995 else f"{probability:.3f}"
