@@ -46,6 +46,8 @@ _STATISTICS = {
 }
 # Contrasts of two groups, and how they are written.
 _CONTRASTS = {"difference": "−", "ratio": "/"}
+# Letters of a label from which on its unit is in a line of its own: a panel is 2 inches high.
+_LONG_LABEL = 25
 
 
 @one_thread
@@ -281,7 +283,10 @@ def _set_axes(
             canvas.adjust("set_xlim", limits=(-0.5, len(labels) - 0.5), **where)
             canvas.adjust("set_xticks", values=range(len(labels)), labels=labels, **where)
             if panel == "value":
-                canvas.label("ylabel", quantity_label(name, law), **where)
+                label = quantity_label(name, law)
+                if "\n" not in label and len(label) > _LONG_LABEL:
+                    label = label.replace(" (", "\n(")  # the unit
+                canvas.label("ylabel", label, **where)
             else:
                 canvas.adjust(ticks_on_the_right, **where)
 
