@@ -23,8 +23,8 @@ _STEPS = 16
 # Longest step of the logarithm of a stretch: the first sheet whose stress has the other sign is
 # then near the solution.
 _LONGEST_STEP = 0.5
-# Largest last step of the logarithm of a stretch: the next one would be its square.
-_LARGEST_LAST_STEP = 1e-6
+# Largest last step of the logarithm of a stretch: the next one would be smaller than rounding.
+_LARGEST_LAST_STEP = 1e-8
 
 
 class SheetStress(NamedTuple):
