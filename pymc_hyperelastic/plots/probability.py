@@ -152,6 +152,9 @@ def plot_class_probability(
     canvas.legend(of_classes | entries)
     laws = None if several else read_text(results[""], "strain_energy", None)
     canvas.title([r.attrs for r in results.values()], laws, "class probabilities")
+    if backend == "matplotlib":
+        # Long names change the width of a panel, and only a second layout finds room for the words.
+        canvas.collection.get_viz("figure").draw_without_rendering()
     return canvas.collection
 
 
