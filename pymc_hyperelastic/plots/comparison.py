@@ -31,11 +31,12 @@ if TYPE_CHECKING:
 _ORIGIN = "ph.compare_classes"
 _PANELS = ("value", "contrast")
 _HEIGHT = 2.2  # inches of the panels of a quantity
-_OF_ONE = 1.15  # inches of a group
+_GROUP_WIDTH = 1.15  # inches of a group
 _NARROWEST = 1.3  # inches of a comparison at least
 _LETTER = 0.083  # inches of a letter below a comparison
-# Places in the column of a group, whose middle is 0 and whose width is 1.
-_FIRST, _LAST, _OF_GROUP = -0.36, 0.1, 0.32
+# Places of the first and the last specimen and of the typical one in the column of a group, whose
+# middle is 0 and whose width is 1.
+_FIRST, _LAST, _TYPICAL = -0.36, 0.1, 0.32
 _MARGIN = 0.06  # between the outermost value and the end of an axis, as a part of the range
 _DARK, _PALE, _LINE = "0.1", "0.6", "0.75"
 # Statistics of a group: how they are called, and how they begin the label of an axis of curves.
@@ -161,7 +162,7 @@ def _estimation(result: xr.Dataset, statistic: str, contrast: str, wishes: Wishe
     words = {name: _words_of(groups, contrasts.sel(quantity=name)) for name in _names_of(result)}
     longest = max(len(line) for text in words.values() for w in text for line in w.splitlines())
     of_comparison = max(_NARROWEST, _LETTER * longest)
-    widths = [_OF_ONE * sizes["group"], of_comparison * sizes["comparison"]]
+    widths = [_GROUP_WIDTH * sizes["group"], of_comparison * sizes["comparison"]]
     panels = xr.Dataset(coords={name: result[name].values for name in sizes})
     panels = panels.assign_coords(panel=list(_PANELS), specimen=specimens["specimen"].values)
     drawn = xr.DataArray(0.0, panels.coords, panels.dims, "estimation")
@@ -231,7 +232,7 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
         line = _stacked(x=x, y=interval)
         canvas.draw("specimen_interval", "line_xy", data=line, width=0.7, alpha=0.6, **left)
         canvas.draw("specimens", "scatter_xy", data=_stacked(x=x, y=y), size=14, **left)
-    place = np.arange(groups.sizes["group"]) + _OF_GROUP
+    place = np.arange(groups.sizes["group"]) + _TYPICAL
     x = xr.DataArray(place, {"group": groups["group"]}, "group")
     line = _stacked(x=x, y=groups["value_interval"])
     canvas.draw("interval", "line_xy", data=line, width=2.2, **left)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _WIDTHS = {"probability": 2.6, "p_value": 1.2}  # inches of the panels
 _LETTER = 0.08  # inches of a letter of the names and decisions beside the panels
 # Inches of a row: for each class, and between rows.
-_OF_CLASS, _BETWEEN = 0.09, 0.1
+_BAR_HEIGHT, _BETWEEN = 0.09, 0.1
 _FILLED = 0.4  # part of a row above and below its middle that bars fill
 # Places on the axis of probabilities: the mark of the true class, and the words.
 _TRUE, _WORDS = 1.035, 1.08
@@ -116,7 +116,7 @@ def plot_class_probability(
     widths = [_WIDTHS[panel] for panel in panels]
     letters = [max(map(len, texts)) for texts in (headings, table["words"].values.ravel())]
     width = sum(widths) + _LETTER * sum(letters) + 0.3
-    of_row = _OF_CLASS * len(classes) + _BETWEEN
+    of_row = _BAR_HEIGHT * len(classes) + _BETWEEN
     height = of_row * (len(headings) + 0.2) + 1.35
     drawn = table["probability"].fillna(0.0).expand_dims(panel=panels)
     canvas = Canvas(

@@ -57,7 +57,7 @@ def _signals(data: list[xr.Dataset]) -> list[str]:
 
 
 def _limits_sentence(page: Page) -> str:
-    """Return the most serious warning, or that there is none; and the least certain property."""
+    """Return a sentence with the most serious warning, if any, and the least certain property."""
     serious = [warning for warning in page.warnings if warning[0] != NOTE]
     least, prob = page.least_certain[1], f"{100 * PROB:.3g} %"
     if least:

@@ -60,7 +60,7 @@ def test_proposal_of_more_than_24_unknowns_is_not_adapted():
 
 
 def test_integral_is_reliable_and_accurate_up_to_limits_of_the_pareto_shape():
-    """The limits are 0.5 and 0.7 (Vehtari et al. 2024); with a NaN shape nothing is reliable.
+    """The limits are 0.5 and 0.7 (Vehtari et al. 2024); a NaN shape is not reliable.
 
     Accurate values also have a small error.
     """

@@ -164,7 +164,7 @@ def test_store_can_be_used_after_a_kill_while_its_manifest_was_written(tmp_path)
 
 
 def test_second_of_two_processes_that_create_a_store_is_refused(tmp_path, monkeypatch):
-    """One process writes its manifest after the other has checked that there is none."""
+    """One process writes its manifest after the other found an empty folder."""
     folder, check = tmp_path / "store", store_module._check_empty
 
     def meanwhile(path):

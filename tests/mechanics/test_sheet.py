@@ -70,7 +70,7 @@ def test_stress_of_an_isotropic_sheet_equals_the_closed_form(law, test):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("test", TESTS)
 def test_stress_equals_the_derivative_of_the_energy(law, test):
-    """Of every law: the energy as its source prints it, differentiated in a hundred digits."""
+    """Differentiate the energy of each law, as its source prints it, in a hundred digits."""
     parameters, _ = LAWS[law].parameters[0]
     exact = {name: mp.mpf(value) for name, value in entries(parameters).items()}
     energy, (given_x, given_y) = LAWS[law].energy, TESTS[test]

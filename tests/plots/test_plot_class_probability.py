@@ -76,7 +76,7 @@ def test_each_kind_of_answer_is_visible(decided):
     assert [text["string"] for text in written] == words
     colours = [text["color"] for text in written]
     assert colours[0] not in colours[1:]
-    # Probabilities with an infinite error have no bar, nor have those that are not known.
+    # Unknown probabilities and probabilities with an infinite error have no bar.
     for name, rows in {"bar": ["S0"], "doubtful": ["S1", "S2"]}.items():
         drawn = figure.viz[name]["classes"].notnull().any("class_label").squeeze()
         assert drawn["specimen"].values[drawn.values].tolist() == rows
