@@ -105,6 +105,8 @@ def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Data
     renumbered = np.searchsorted(positions, test[own])
     # In its place: to assign coordinates anew takes as long as all else here.
     chosen["test"].data = renumbered
+    if "axial_stretch" not in chosen:  # tests of sheets alone
+        return chosen
     stretch = chosen["axial_stretch"]
     if stretch.dims == ("obs",) and not extension_tests(chosen).any():
         held = stretch.values[np.unique(renumbered, return_index=True)[1]]
