@@ -41,9 +41,9 @@ from pymc_hyperelastic.models.population import (
     Population,
     Specimens,
     log_noise_name,
-    register_curves,
     register_specimens,
-    tube_of,
+    register_tests,
+    tests_of,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
@@ -340,7 +340,7 @@ class SpecimenSampler:
                 model.add_coord(name, np.arange(length), length=pt.constant(length))
             of_test = np.zeros(tests, int)
             specimens = register_specimens(self.population, self.reference, of_test)
-            register_curves(self.population, forward, specimens)
+            register_tests(self.population, forward, specimens)
             compressed = self._compressed(forward, specimens)
         return _SpecimenModel(forward, Target(model), compressed)
 
@@ -350,7 +350,7 @@ class SpecimenSampler:
         if likelihood.needs_slopes:
             return None
         sizes = {name: size[0] for name, size in specimens.noises.items()}
-        tube = tube_of(self.population, forward, specimens)
+        tube = tests_of(self.population, forward, specimens)
         total = likelihood.log_likelihood(tube, sizes)
         # An infinite sum has overflowed: it must count as an impossible point, as NaN does.
         return pt.where(pt.isinf(total), np.nan, total)

@@ -43,4 +43,4 @@ def sheets_of(data: xr.Dataset) -> xr.Dataset | None:
     if not sheets.any():
         return None
     own = data if sheets.all() else tests_at(data, np.flatnonzero(sheets))
-    return own[[name for name in own.data_vars if name in SHEET_VARIABLES]]
+    return own.drop_vars([name for name in own.data_vars if name not in SHEET_VARIABLES])

@@ -1,10 +1,11 @@
 """Stresses of a flat sheet that is stretched along its two axes, and its free lateral stretch."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pytensor.tensor as pt
+from pytensor import scan
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
@@ -120,20 +121,32 @@ def sheet_stress(
         )
     check_geometry(stretch_x=stretch_x, stretch_y=stretch_y)
     entries = [double(entry) for entry in energy.split(parameters)]
-    log_x, log_y = _log(stretch_x), _log(stretch_y)
-    if log_y is None:
+    stress_x, stress_y, log_x, log_y = stresses_at(
+        energy, _log(stretch_x), _log(stretch_y), entries
+    )
+    if nominal:
+        stress_x, stress_y = stress_x * pt.exp(-log_x), stress_y * pt.exp(-log_y)
+    return SheetStress(stress_x, stress_y)
+
+
+def stresses_at(
+    energy: StrainEnergy, log_x: Any, log_y: Any, entries: Sequence[Any]
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return the Cauchy stresses along x and y, and the logarithms of both stretches.
+
+    One of the logarithms may be None, for a direction in which the sheet is free.
+    """
+    free_x, free_y = log_x is None, log_y is None
+    if free_y:
         log_y = _log_free_stretch(energy, log_x, entries, "x")
-    elif log_x is None:
+    elif free_x:
         log_x = _log_free_stretch(energy, log_y, entries, "y")
     log_x, log_y, *entries = pt.broadcast_arrays(log_x, log_y, *entries)
     parameters = energy.join(entries)
     x = energy.stress_difference(log_x, log_y, **parameters)
     y = energy.axial_stress_difference(log_x, log_y, **parameters)
-    if nominal:
-        x, y = x * pt.exp(-log_x), y * pt.exp(-log_y)
-    return SheetStress(
-        pt.zeros_like(y) if stretch_x is None else x, pt.zeros_like(x) if stretch_y is None else y
-    )
+    # Where no lateral stretch was found, the other stress is NaN already.
+    return pt.zeros_like(y) if free_x else x, pt.zeros_like(x) if free_y else y, log_x, log_y
 
 
 def free_stretch(
@@ -217,23 +230,38 @@ class LogFreeStretch(TubeOp):
         """Take all steps of Newton's method, from the stretch of an isotropic sheet."""
         log_stretch, *entries = pt.broadcast_arrays(*inputs)
         unloaded, unloaded_lateral = pt.zeros_like(log_stretch), pt.zeros_like(log_stretch)
-        stress = self._stress(unloaded, unloaded_lateral, entries)
-        scale = elementwise_derivative(stress, unloaded_lateral)
-        lateral = -log_stretch / 2
-        low, high = pt.full_like(lateral, -np.inf), pt.full_like(lateral, np.inf)
-        for _ in range(_STEPS):
-            stress = self._stress(log_stretch, lateral, entries)
-            slope = elementwise_derivative(stress, lateral)
-            low, high = pt.where(stress < 0, lateral, low), pt.where(stress > 0, lateral, high)
-            by_log = pt.arcsinh(stress / scale) * pt.sqrt(stress**2 + scale**2)
-            step = -pt.where(pt.isinf(high - low), by_log, stress) / slope
-            # A step that is not a number has overflowed: stress is then enormous.
-            step = pt.where(pt.isnan(step), -pt.sign(stress), step)
-            newton = lateral + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
-            inside = (low < newton) & (newton < high)
-            next_one = pt.where(inside | pt.isinf(high - low), newton, (low + high) / 2)
-            step, lateral = next_one - lateral, next_one
-        return [lateral, pt.abs(step)]
+        scale = elementwise_derivative(
+            self._stress(unloaded, unloaded_lateral, entries), unloaded_lateral
+        )
+        start = -log_stretch / 2
+        interval = pt.zeros_like(start) - np.inf, pt.zeros_like(start) + np.inf
+        # A loop in place of a graph of all steps, which would take minutes to compile.
+        lateral, _, _, last_step = scan(
+            self._step,
+            outputs_info=[start, *interval, pt.zeros_like(start)],
+            non_sequences=[log_stretch, scale, *entries],
+            n_steps=_STEPS,
+            return_updates=False,
+            strict=True,
+        )
+        return [lateral[-1], pt.abs(last_step[-1])]
+
+    def _step(
+        self, lateral: Tensor, low: Tensor, high: Tensor, _: Tensor, *given: Tensor
+    ) -> list[Tensor]:
+        """Take a step of Newton's method: return the stretch, its interval, and the step."""
+        log_stretch, scale, *entries = given
+        stress = self._stress(log_stretch, lateral, entries)
+        slope = elementwise_derivative(stress, lateral)
+        low, high = pt.where(stress < 0, lateral, low), pt.where(stress > 0, lateral, high)
+        by_log = pt.arcsinh(stress / scale) * pt.sqrt(stress**2 + scale**2)
+        step = -pt.where(pt.isinf(high - low), by_log, stress) / slope
+        # A step that is not a number has overflowed: stress is then enormous.
+        step = pt.where(pt.isnan(step), -pt.sign(stress), step)
+        newton = lateral + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+        inside = (low < newton) & (newton < high)
+        moved = pt.where(inside | pt.isinf(high - low), newton, (low + high) / 2)
+        return [moved, low, high, moved - lateral]
 
     def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
         """Gradient of the exact solution; the last step has none."""

@@ -14,7 +14,7 @@ from pytensor.compile.mode import Mode
 from pytensor.gradient import DisconnectedType, grad
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.op import Op
-from pytensor.graph.replace import _vectorize_node, clone_replace
+from pytensor.graph.replace import _vectorize_node, graph_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
@@ -70,7 +70,7 @@ class TubeOp(TensorSymbolicOp):
         finite = reduce(and_, [pt.all(pt.abs(x) < OVERFLOW) for x in compress(outputs, used)])
         return [
             pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
-            for g in clone_replace(gradients, given)
+            for g in graph_replace(gradients, given, strict=False)
         ]
 
     def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:

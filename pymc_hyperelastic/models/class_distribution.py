@@ -33,6 +33,8 @@ SPREAD_OF_NOISE = {
     "force_sd": "force_noise_spread",
     "force_sigma": "force_noise_spread",
     "diameter_sd": "diameter_noise_spread",
+    "stress_sd": "stress_noise_spread",
+    "stretch_sd": "stretch_noise_spread",
 }
 # Log-normal priors, dimensionless: median, and standard deviation of the logarithm.
 _SPREADS = {

@@ -12,6 +12,7 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.data.sheets import sheet_tests, tubes_of
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -21,7 +22,7 @@ from pymc_hyperelastic.mechanics.strain_energy import (
     PowerLawNeoHookean,
     StrainEnergy,
 )
-from pymc_hyperelastic.models.forward import ForwardModel, Mode
+from pymc_hyperelastic.models.forward import ForwardModel, Mode, TubeForward, register_curves
 from pymc_hyperelastic.models.geometry import (
     complete_unknowns,
     priors_of,
@@ -177,16 +178,21 @@ def tube_model(
     model = _empty_model(data, parent, name)
     points, of_specimen = model.name_for("obs"), model.name_for("specimen")
     _, of_test = specimens_of(data)
+    if rising and sheet_tests(data).any():
+        raise ValueError(
+            "rising=True is about the pressures of tubes: leave it away for data with sheets"
+        )
     with model:
         parameters = register_priors(distributions)
         of_tube = register_priors(priors_of(unknown))
         deviations = register_deviations(unknown, of_specimen)
-        register_measures(data, unknown, deviations, of_specimen)
+        if (tubes := tubes_of(data)) is not None:
+            register_measures(tubes, unknown, deviations, of_specimen)
         known = of_tube, {name: z[of_test] for name, z in deviations.items()}
         tube, sizes = forward.tube(parameters, *known), likelihood.register_unknowns()
-        curves = {k: pm.Deterministic(k, v, dims=points) for k, v in tube.curves().items()}
+        curves = register_curves(tube, points)
         likelihood.register(tube, curves, sizes, points)
-        if rising:
+        if isinstance(forward, TubeForward) and rising:
             rises = pt.all(forward.between().tube(parameters, *known).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))

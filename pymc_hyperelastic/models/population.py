@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.data.sheets import sheet_tests, tubes_of
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -24,7 +25,7 @@ from pymc_hyperelastic.models.class_distribution import (
     noises_of,
     register_class,
 )
-from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTests, register_curves
 from pymc_hyperelastic.models.geometry import (
     MeasuredValue,
     check_geometry,
@@ -34,6 +35,7 @@ from pymc_hyperelastic.models.geometry import (
     split_by_owner,
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
+from pymc_hyperelastic.models.likelihoods.errors import OF_SHEETS
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
 from pymc_hyperelastic.models.priors import (
     check_prior,
@@ -87,9 +89,10 @@ class Population:
 
     @property
     def known_noise(self) -> bool:
-        """True if the standard deviation of pressures or forces is a number."""
+        """True if the standard deviation of pressures, forces or stresses is a number."""
         errors = self.likelihood.errors()
-        return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
+        sizes = errors.pressure_sd, errors.force_sd, errors.stress_sd
+        return not all(v is None or is_inferred(v) for v in sizes)
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless the specimens of these data can be modelled."""
@@ -170,10 +173,11 @@ def population_model(
         Pressures must have the error, and `slope_weight` and `force_offset_sd` must be numbers.
     priors : dict of str to distribution or MeasuredValue, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
-        entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
-        ``diameter_noise_spread``. Measures of the tube that have an error stand beside them, such
-        as ``{"thickness": ph.MeasuredValue(sd=0.01)}``: each specimen then has its own
-        ``thickness_deviation`` and ``thickness``.
+        entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread``,
+        ``diameter_noise_spread``, ``stress_noise_spread`` and ``stretch_noise_spread``. Measures
+        of the tube that have an error stand beside them, such as ``{"thickness":
+        ph.MeasuredValue(sd=0.01)}``: each specimen then has its own ``thickness_deviation`` and
+        ``thickness``.
     variability : Variability or "specimen"
         How the specimens differ; ``"specimen"`` is short for ``ph.Variability()``. Without
         `experiment_effect`, ``ω = 0``. With the reference stress ``T₀`` the first modulus is
@@ -240,8 +244,9 @@ def population_model(
         for name, value in of_specimens.noises.items():
             pm.Deterministic(f"specimen_{name}", value, dims="specimen")
         forward = population.forward_model(data)
-        register_curves(population, forward, of_specimens, dims="obs")
-        register_measures(data, population.geometry, of_specimens.deviations)
+        register_tests(population, forward, of_specimens, dims="obs")
+        if (tubes := tubes_of(data)) is not None:
+            register_measures(tubes, population.geometry, of_specimens.deviations)
     stress = population.variability.reference_stress
     study = Study(energy, data, {}, reference_stress=stress, forward=forward)
     attach_study(model, study)
@@ -298,19 +303,29 @@ def log_noise_name(name: str) -> str:
     return f"log_specimen_{name}"
 
 
-def tube_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTube:
-    """Return the tubes of the tests."""
+def tests_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTests:
+    """Return the tests with the parameters of their specimens."""
     deviations = {name: z[specimens.of_test] for name, z in specimens.deviations.items()}
     coordinates = [x if forward.by_test else x[0] for x in specimens.coordinates]
     return forward.tube(population.scale.parameters(coordinates), deviations=deviations)
 
 
-def register_curves(
+def register_tests(
     population: Population, forward: ForwardModel, specimens: Specimens, dims: str | None = None
 ) -> None:
     """Add the curves of the tests, and the measurements, to the model of the context."""
-    tube = tube_of(population, forward, specimens)
-    curves = {k: pm.Deterministic(k, v, dims=dims) for k, v in tube.curves().items()}
-    test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    own = {name: size[specimens.of_test][test] for name, size in specimens.noises.items()}
-    population.likelihood.register(tube, curves, own, dims)
+    tests = tests_of(population, forward, specimens)
+    curves = register_curves(tests, dims)
+    test = forward.share("test", _test_of_points)
+    own = {
+        name: size[specimens.of_test][test["sheets" if name in OF_SHEETS else "tubes"]]
+        for name, size in specimens.noises.items()
+    }
+    population.likelihood.register(tests, curves, own, dims)
+
+
+def _test_of_points(data: xr.Dataset) -> dict[str, NDArray]:
+    """Return the test of each point of tubes, and of each point of sheets."""
+    test = data["test"].values
+    sheets = sheet_tests(data)[test]
+    return {"tubes": test[~sheets], "sheets": test[sheets]}

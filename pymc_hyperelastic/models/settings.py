@@ -296,7 +296,7 @@ def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
     """Return the inflation data of a fit; ValueError if they are not sound."""
     data = read_group(tree, "constant_data")
     with reading(tree):
-        if "pressure" not in data and "observed_data" in tree.children:
+        if not {"pressure", "stress_x"} & set(data) and "observed_data" in tree.children:
             data = xr.merge([tree["observed_data"].to_dataset(), data])
         check_inflation_data(data)
     return data
@@ -307,7 +307,7 @@ def holds_inflation_data(tree: xr.DataTree) -> bool:
     if "constant_data" not in tree.children:
         return False
     # A model of a user's own may have one of these; data that lack one are damaged.
-    names = {"inner_radius", "outer_radius", "specimen", "experiment"}
+    names = {"inner_radius", "outer_radius", "stretch_x", "specimen", "experiment"}
     return len(names & set(tree["constant_data"].to_dataset().variables)) > 1
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.data.sheets import sheet_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.evidence.verdicts import registered_checks
@@ -22,6 +23,8 @@ from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import MeasuredValue, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.likelihoods.errors import Errors
+from pymc_hyperelastic.models.likelihoods.stresses import STRESSES, stresses_of
 from pymc_hyperelastic.models.priors import FEW_DRAWS
 from pymc_hyperelastic.models.settings import ModelSettings
 
@@ -52,9 +55,10 @@ class Study:
 
     def groups(self) -> dict[str, xr.Dataset]:
         """The inflation data, divided as ArviZ does."""
+        measured = [name for name in ("pressure", *STRESSES) if name in self.data]
         return {
-            "observed_data": self.data[["pressure"]].reset_coords(drop=True),
-            "constant_data": self.data.drop_vars("pressure"),
+            "observed_data": self.data[measured].reset_coords(drop=True),
+            "constant_data": self.data.drop_vars(measured),
         }
 
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
@@ -110,23 +114,25 @@ class Study:
         An error of the radius shifts the pressure by the slope of the curve, to first order. Forces
         are left out where radii have errors: their slopes are no variables of the model.
         """
-        likelihood = self.likelihood
-        if likelihood is None or self.forward is None:
+        if self.likelihood is None or self.forward is None:
             return {}
-        errors = likelihood.errors({name: model[name] for name in likelihood.unknowns})
-        pressure_sd, radius_sd = errors.pressure_sd, errors.radius_sd
-        if radius_sd is not None:
-            pressure_sd = 0.0
-        elif errors.diameter_sd is not None:
-            radius_sd = errors.diameter_sd / 2
-        if radius_sd is not None:
-            pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
-        # Shared variables follow the data if these are replaced.
-        shared = self.forward.share("measured", _measurements_of)
-        found = {"pressure": (model["pressure"] - shared["pressure"]) / pressure_sd}
-        if errors.force_sd is not None and radius_sd is None:
-            difference = model["axial_force"] - shared["axial_force"]
-            found["axial_force"] = difference / errors.force_sd
+        errors = self.likelihood.errors({name: model[name] for name in self.likelihood.unknowns})
+        found: dict[str, Any] = {}
+        for part in self.forward.parts:
+            # Shared variables follow the data if these are replaced.
+            shared = part.share("measured", _measurements_of)
+            if not part.of_sheets:
+                found |= _residuals_of_tubes(model, errors, shared)
+                continue
+            sheets: Any = part.tube({name: model[name] for name in part.unknown[0]})
+            expected = stresses_of(sheets, {name: model[name] for name in STRESSES}, errors)
+            found["stress_x"] = (expected.x - shared["stress_x"]) / expected.x_sd
+            y = (
+                expected.y
+                if expected.by_x is None
+                else expected.y + expected.by_x * (shared["stress_x"] - expected.x)
+            )
+            found["stress_y"] = (y - shared["stress_y"]) / expected.y_sd
         return found
 
     def chi_squares_of(self, model: pm.Model) -> Callable[[xr.Dataset, Array], xr.Dataset]:
@@ -154,9 +160,10 @@ class Study:
         test, count = data["test"].values, data.sizes["test"]
         offsets = self.likelihood is not None and self.likelihood.with_offset
         members = (test == np.arange(count)[:, None]).astype(float)
-        squares, points = {}, {}
+        of_sheets, squares, points = sheet_tests(data)[test], {}, {}
         for signal, of_draws in residuals.items():
-            own = members * np.isfinite(data[signal].values)
+            there = of_sheets == (signal in STRESSES)
+            own = members[:, there] * np.isfinite(data[signal].values[there])
             points[signal] = own.sum(axis=1)
             squares[signal] = np.square(of_draws) @ own.T
             if signal == "axial_force" and offsets:
@@ -214,6 +221,19 @@ def coords_of(data: xr.Dataset) -> dict[str, Any]:
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
         "specimen": specimens_of(data)[0],
+    } | _coords_of_kinds(data)
+
+
+def _coords_of_kinds(data: xr.Dataset) -> dict[str, Any]:
+    """Return the coordinates of points of tubes, and of sheets, if the data hold both."""
+    sheets = sheet_tests(data)
+    if sheets.all() or not sheets.any():
+        return {}
+    at_points = sheets[data["test"].values]
+    return {
+        "tube_obs": np.flatnonzero(~at_points),
+        "sheet_obs": np.flatnonzero(at_points),
+        "tube_test": [describe_test(data, int(test)) for test in np.flatnonzero(~sheets)],
     }
 
 
@@ -222,6 +242,23 @@ def _some(draws: Array, count: int) -> Array:
 
 
 def _measurements_of(data: xr.Dataset) -> dict[str, Array]:
-    """Pressures and forces of all points; a force that was not measured is 0."""
-    signals = [name for name in ("pressure", "axial_force") if name in data]
+    """Measured quantities of all points; one that was not measured is 0."""
+    signals = [name for name in ("pressure", "axial_force", *STRESSES) if name in data]
     return {name: np.nan_to_num(data[name].values.astype(float)) for name in signals}
+
+
+def _residuals_of_tubes(
+    model: pm.Model, errors: Errors, shared: Mapping[str, Any]
+) -> dict[str, Any]:
+    pressure_sd, radius_sd = errors.pressure_sd, errors.radius_sd
+    if radius_sd is not None:
+        pressure_sd = 0.0
+    elif errors.diameter_sd is not None:
+        radius_sd = errors.diameter_sd / 2
+    if radius_sd is not None:
+        pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
+    found = {"pressure": (model["pressure"] - shared["pressure"]) / pressure_sd}
+    if errors.force_sd is not None and radius_sd is None:
+        difference = model["axial_force"] - shared["axial_force"]
+        found["axial_force"] = difference / errors.force_sd
+    return found

@@ -16,7 +16,7 @@ from tiers import tiers
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import forward_model
 from pymc_hyperelastic.models.forward.blocks import table_arrays
 from pymc_hyperelastic.models.priors import complete_priors
 
@@ -67,9 +67,9 @@ def test_curves_of_every_law_use_the_axial_stretch_of_each_point(name):
     curves = []
     for mode in ("quadrature", "collocation"):
         priors = around(law.parameters[0][0])
-        forward = ForwardModel(law.strain_energy, data, priors, mode=mode, with_force=True)
+        forward = forward_model(law.strain_energy, data, priors, mode=mode, with_force=True)
         curves.append(forward.tube(parameters).curves())
-    forward = ForwardModel(wall, opened_tube(None), {}, with_force=True)
+    forward = forward_model(wall, opened_tube(None), {}, with_force=True)
     curves.append(forward.tube({}).curves())
     # tests/mechanics compare these functions with independent quadrature.
     axial, radius = at_points(data, "axial_stretch"), data["radius"].values
@@ -129,15 +129,15 @@ def test_compiled_likelihood_of_replaced_data_is_exact(sds, mode, measured):
 def test_data_of_another_kind_cannot_replace_the_first_data():
     """Data that are constants, radii by diameters, and inflation tests by extension tests."""
     data, other = shared_errors.dataset(), shared_errors.dataset(measured="outer_diameter")
-    fixed = ForwardModel(ph.Ogden(), data, PRIORS, replaceable=False)
+    fixed = forward_model(ph.Ogden(), data, PRIORS, replaceable=False)
     with pytest.raises(TypeError, match="constants"):
         fixed.set_data(other)
-    direct = ForwardModel(ph.Ogden(), data, PRIORS, mode="quadrature")
+    direct = forward_model(ph.Ogden(), data, PRIORS, mode="quadrature")
     direct.tube(OGDEN).curves()
     with pytest.raises(ValueError, match=r"another kind.*current_outer_radius"):
         direct.set_data(other)
     inflated = ph.select(extended(), experiment=[1, 2, 4])
-    forward = ForwardModel(ph.Ogden(), inflated, PRIORS, mode="collocation")
+    forward = forward_model(ph.Ogden(), inflated, PRIORS, mode="collocation")
     forward.tube(OGDEN).curves()
     with pytest.raises(ValueError, match=r"axial_stretch varies.*data that hold extension tests"):
         forward.set_data(extended())
@@ -146,7 +146,7 @@ def test_data_of_another_kind_cannot_replace_the_first_data():
 def test_between_returns_evenly_spaced_points_of_each_test():
     """Along the radius of an inflation test, and along the stretch of an extension test."""
     both = extended()
-    between = ForwardModel(ph.Ogden(), both, PRIORS, mode="quadrature").between().data
+    between = forward_model(ph.Ogden(), both, PRIORS, mode="quadrature").between().data
     assert between.sizes["obs"] == 20 * both.sizes["test"]
     for test in range(4):
         own, measured = (d.isel(obs=d["test"].values == test) for d in (between, both))
@@ -162,7 +162,7 @@ def test_curves_are_exact_for_a_law_that_polynomials_cannot_approximate(mode):
     frame = frame.assign(pressure=2 * (frame["radius"] - 6.0), axial=1.0)
     data, energy = shared_errors.dataset(frame), ph.PowerLawNeoHookean()
     priors = complete_priors(energy, {"n": pm.Normal.dist(0, 10)})
-    forward = ForwardModel(energy, data, priors, mode=mode)
+    forward = forward_model(energy, data, priors, mode=mode)
     assert forward.integrator.by_points == (mode == "auto")
     tube = forward.tube({"mu": 20.0, "n": pt.constant(2.0)})
     pressure = evaluated([tube.curves()["pressure"]])[0]
@@ -184,8 +184,8 @@ def test_improper_prior_warns_and_uses_quadrature_of_32_nodes():
     priors = {name: pm.Flat.dist() for name in ("mu", "alpha")}
     data = shared_errors.dataset()
     with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):
-        forward = ForwardModel(ph.Ogden(), data, priors)
+        forward = forward_model(ph.Ogden(), data, priors)
     assert forward.integrator.by_points and forward.integrator.order == 32
     with pytest.raises(ValueError, match=r"cannot be drawn from.*mode='quadrature'"):
-        ForwardModel(ph.Ogden(), data, priors, mode="collocation")
-    assert ForwardModel(ph.Ogden(), data, priors, mode="quadrature").integrator.order == 32
+        forward_model(ph.Ogden(), data, priors, mode="collocation")
+    assert forward_model(ph.Ogden(), data, priors, mode="quadrature").integrator.order == 32

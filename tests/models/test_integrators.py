@@ -17,7 +17,7 @@ from tiers import deep
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import forward_model
 from pymc_hyperelastic.models.forward.choose import possible_in_tests
 from pymc_hyperelastic.models.forward.integrator import compared_points
 from pymc_hyperelastic.models.forward.tube_variables import WallVariables
@@ -289,7 +289,7 @@ def test_stated_errors_of_layered_walls_equal_the_errors_of_their_order():
         ph.Layer(ph.Ogden(), priors["thickness"], mu=10.0, alpha=6.0),
         ph.Layer(ph.NeoHookean(), 0.1, mu=priors["mu"]),
     ]
-    forward = ForwardModel(wall, data, priors)
+    forward = forward_model(wall, data, priors)
     values = {"mu": np.array([6.0, 18.0]), "thickness": np.array([0.12, 0.19])}
     assert forward.errors(data, values).max() < 1e-10
     forward.integrator = replace(forward.integrator, order=2)
@@ -326,7 +326,7 @@ def test_stated_errors_of_unknown_tubes_equal_errors_of_given_tubes():
     data = dataset([{"radius": np.linspace(1.1, 1.5, 5), "stretch": 1.2}], OPENED)
     data = data.assign(inner_radius=("test", [np.nan]))
     geometry = {"inner_radius": pm.Uniform.dist(0.8, 1.2)}
-    forward = ForwardModel(ph.Ogden(), data, complete_priors(ph.Ogden()), geometry)
+    forward = forward_model(ph.Ogden(), data, complete_priors(ph.Ogden()), geometry)
     forward.integrator = replace(forward.integrator, order=4)
     materials, radii = {"mu": np.array([6.0, 9.0]), "alpha": np.array([8.0, 3.0])}, [0.9, 1.1]
     assert np.isinf(forward.errors(data, materials)).all()
@@ -334,7 +334,7 @@ def test_stated_errors_of_unknown_tubes_equal_errors_of_given_tubes():
     for number, radius in enumerate(radii):
         given = data.assign(inner_radius=("test", [radius]))
         own = {name: values[[number]] for name, values in materials.items()}
-        fixed = ForwardModel(ph.Ogden(), given, complete_priors(ph.Ogden()), mode="quadrature")
+        fixed = forward_model(ph.Ogden(), given, complete_priors(ph.Ogden()), mode="quadrature")
         fixed.integrator = replace(fixed.integrator, order=4)
         np.testing.assert_allclose(found[number], fixed.errors(given, own), rtol=1e-9)
     assert (found > 1e-12).all()

@@ -1,23 +1,20 @@
-"""The forward model of a tube."""
+"""The forward model of tubes."""
 
 from collections.abc import Callable, Hashable, Sequence
-from copy import copy
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
-import pytensor
 import pytensor.tensor as pt
 import xarray as xr
-from numpy.typing import NDArray
-from pytensor.compile.sharedvalue import SharedVariable
-from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, evenly_along, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import OVERFLOW, WALL_ORDER
+from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
 from pymc_hyperelastic.models.forward.integrator import (
     MOST_ROUNDS,
@@ -40,10 +37,8 @@ from pymc_hyperelastic.models.priors import with_variables
 _RADII_BETWEEN = 20
 
 
-class ForwardModel:
-    """Pressures, axial forces and slopes of a tube at the measured points, for any parameters.
-
-    The data enter compiled expressions as shared variables: :meth:`set_data` replaces them.
+class TubeForward(ForwardModel):
+    """Pressures, axial forces and slopes of tubes at the measured points, for any parameters.
 
     Parameters
     ----------
@@ -71,8 +66,7 @@ class ForwardModel:
         stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
         that refine the curves of the materials that they find, see :func:`until_accurate`.
     replaceable : bool
-        If True, other data may replace these. If False, terms that depend on the data alone are
-        computed when a function is compiled.
+        See :class:`ForwardModel`.
 
     Raises
     ------
@@ -95,8 +89,8 @@ class ForwardModel:
         inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
-        self.data, self.error_in, self.by_test = data, error_in, by_test
-        self._replaceable = replaceable
+        super().__init__(data, by_test=by_test, replaceable=replaceable)
+        self.error_in = error_in
         self._energy, self._distributions = wall, dict(parameters)
         measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
@@ -110,23 +104,9 @@ class ForwardModel:
             tolerance=tolerance,
             inaccurate=inaccurate,
         )
-        self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
-
-    def _changed(self, **attributes: Any) -> "ForwardModel":
-        other = copy(self)
-        vars(other).update(attributes, _shared={})
-        return other
-
-    def with_data(self, data: xr.Dataset) -> "ForwardModel":
-        """The same for other data of the same kind, at other radii say."""
-        return self._changed(data=data)
 
     def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
-        """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
-
-        The `parameters` and the unknown `geometry` are given by name, with one number for each
-        material. A geometry that is missing is the measured one.
-        """
+        """Return the largest error of the curves of each material."""
         return self.integrator.errors(data, self._wall(parameters, geometry))
 
     @property
@@ -136,58 +116,27 @@ class ForwardModel:
 
     def refined(
         self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
-    ) -> "ForwardModel":
+    ) -> "TubeForward":
         """Return the same with curves that are accurate for these materials, too."""
         wall = self._wall(parameters, geometry)
         return self._changed(integrator=self.integrator.refined(data, wall))
 
-    def between(self) -> "ForwardModel":
+    def between(self) -> "TubeForward":
         """The same tests at radii evenly spread between the ends of each.
 
         Those of an extension test are at axial stretches that are evenly spread.
         """
         return self.with_data(_between(self.data))
 
-    def set_data(self, data: xr.Dataset) -> None:
-        """Replace the data by others of the same kind, in all compiled expressions."""
-        if not self._replaceable:
-            raise TypeError("these data are constants here: make the forward model replaceable")
-        if data is self.data:
-            return
-        self.data = data
-        for arrays_of, inputs in self._shared.values():
-            arrays = arrays_of(data)
-            if arrays.keys() != inputs.keys():
-                raise ValueError(f"these data are of another kind: {sorted(arrays)} are measured")
-            for name, value in arrays.items():
-                inputs[name].set_value(value, borrow=True)
-
-    def share(
-        self,
-        key: Hashable,
-        arrays_of: Callable[[xr.Dataset], Arrays],
-        make: Callable[[NDArray, str], Any] | None = None,
-    ) -> dict[str, SharedVariable]:
-        """Shared variables of arrays that are made of the data, and follow them.
-
-        Shared variables of the same `key` are returned again. Data of other lengths
-        may replace these.
-        """
-        if key not in self._shared:
-            folded = not self._replaceable and self.integrator.by_points
-            make = make or (pt.constant if folded else _shared_variable)
-            inputs = {name: make(value, name) for name, value in arrays_of(self.data).items()}
-            self._shared[key] = arrays_of, inputs
-        return self._shared[key][1]
+    @property
+    def _folded(self) -> bool:
+        # Constant matrices would be stored in the compiled function.
+        return super()._folded and self.integrator.by_points
 
     def tube(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicTube":
-        """The tube with variables of a model in place of the distributions.
-
-        The `deviations` of the measured geometry, in standard deviations, are vectors with one
-        entry for each test.
-        """
+        """The tubes with variables of a model in place of the distributions."""
         return SymbolicTube(self, self._wall(parameters, geometry, deviations))
 
     def _wall(
@@ -232,10 +181,11 @@ class Misfits(NamedTuple):
     """Sum of the differences of forces in each test."""
 
 
-class SymbolicTube(NamedTuple):
+@dataclass(frozen=True)
+class SymbolicTube(SymbolicTests):
     """A tube of variable material and geometry at the points of the data."""
 
-    forward: ForwardModel
+    forward: TubeForward
     wall: WallVariables
 
     def curves(self) -> Curves:
@@ -293,10 +243,6 @@ class SymbolicTube(NamedTuple):
     @property
     def _curve_inputs(self) -> dict[str, Any]:
         return self.forward.share("curves", self.forward.integrator.curve_arrays)
-
-
-def _shared_variable(value: NDArray, name: str) -> Variable:
-    return pytensor.shared(value, name=name, shape=(None,) * value.ndim)
 
 
 def _between(data: xr.Dataset) -> xr.Dataset:

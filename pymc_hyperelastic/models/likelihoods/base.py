@@ -2,8 +2,10 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import reduce
 from itertools import compress
 from math import sqrt
+from operator import add
 from typing import Any, ClassVar, Self
 
 import pymc as pm
@@ -11,11 +13,17 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.forward import (
+    ForwardModel,
+    SymbolicTests,
+    forward_model,
+    points_of_part,
+)
 from pymc_hyperelastic.models.geometry import check_tube
 from pymc_hyperelastic.models.likelihoods.density import (
     log_likelihood,
@@ -24,6 +32,10 @@ from pymc_hyperelastic.models.likelihoods.density import (
 )
 from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES, Errors, check_size
 from pymc_hyperelastic.models.likelihoods.slopes import check_slopes
+from pymc_hyperelastic.models.likelihoods.stresses import (
+    log_likelihood_of_stresses,
+    register_stresses,
+)
 from pymc_hyperelastic.models.priors import (
     check_prior,
     is_inferred,
@@ -93,6 +105,16 @@ class Likelihood:
         return "radius" if "radius_sd" in self.sizes else "pressure"
 
     @property
+    def with_tubes(self) -> bool:
+        """True if pressures of tubes, or their radii, are part of the likelihood."""
+        return not {"pressure_sd", "radius_sd", "sigma"}.isdisjoint(self.sizes)
+
+    @property
+    def with_sheets(self) -> bool:
+        """True if stresses of sheets are part of the likelihood."""
+        return "stress_sd" in self.sizes
+
+    @property
     def with_force(self) -> bool:
         """True if axial forces are part of the likelihood."""
         return self.force_name in self.sizes
@@ -106,12 +128,17 @@ class Likelihood:
     def needs_slopes(self) -> bool:
         """True if slopes of curves are needed, by the likelihood or to propagate an error."""
         errors = self.errors()
-        return errors.counts_slopes or errors.diameter_sd is not None
+        return errors.counts_slopes or not (errors.diameter_sd is errors.stretch_sd is None)
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Measured quantities in the likelihood; slopes are those of the pressures."""
-        used = {"pressure": True, "slope": self.errors().counts_slopes, "force": self.with_force}
+        used = {
+            "pressure": self.with_tubes,
+            "slope": self.errors().counts_slopes,
+            "force": self.with_force,
+            "stress": self.with_sheets,
+        }
         return tuple(compress(used, used.values()))
 
     def measured(self, data: xr.Dataset) -> list[str]:
@@ -133,6 +160,22 @@ class Likelihood:
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
         check_inflation_data(data)
+        tubes, sheets = tubes_of(data), sheets_of(data)
+        _check_kinds(self, tubes, sheets)
+        if tubes is not None:
+            self._check_tubes(wall, tubes, geometry)
+        elif geometry:
+            raise ValueError(
+                f"a prior is given for {sorted(geometry)[0]!r}, a measure of a tube, but the data "
+                "hold sheets alone: leave it away"
+            )
+
+    def _check_tubes(
+        self,
+        wall: StrainEnergy | Sequence[Layer],
+        data: xr.Dataset,
+        geometry: Mapping[str, Any] | None,
+    ) -> None:
         check_tube(wall, data, geometry)
         if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
             raise ValueError(
@@ -142,10 +185,10 @@ class Likelihood:
         if self.errors().counts_slopes:
             check_slopes(data)
 
-    def forward_model(self, *tube: Any, **settings: Any) -> ForwardModel:
-        """Return the forward model of the signals: arguments are those of :class:`ForwardModel`."""
+    def forward_model(self, *tests: Any, **settings: Any) -> ForwardModel:
+        """Return the forward model of the signals: arguments are those of :func:`forward_model`."""
         settings |= {"with_force": self.with_force, "error_in": self.error_in}
-        return ForwardModel(*tube, **settings)
+        return forward_model(*tests, **settings)
 
     def register_unknowns(self) -> dict[str, TensorVariable]:
         """Add random variables of the :attr:`unknowns` to the model in context."""
@@ -155,39 +198,48 @@ class Likelihood:
 
     def register(
         self,
-        tube: SymbolicTube,
+        tests: SymbolicTests,
         curves: Mapping[str, TensorVariable],
         values: Mapping[str, Any],
         dims: str | None = "obs",
     ) -> None:
-        """Add the likelihood of a tube to the model in context: a Potential or observed variables.
+        """Add the likelihood of tests to the model in context: a Potential or observed variables.
 
         If forces share an offset, its posterior moments are added, see
         :func:`~pymc_hyperelastic.force_offsets`. The `values` are those of :meth:`errors`, and
-        observed pressures have the dimension `dims`.
+        observed variables have the dimension `dims`.
         """
         errors = self.errors(values)
-        if self.observed:
-            register_measurements(tube, curves, errors, dims)
-        else:
-            pm.Potential("likelihood", log_likelihood(tube, errors, self.signals))
-        if self.with_offset:
-            tests = pm.modelcontext(None).name_for("test")
-            moments = posterior_of_offsets(tube, curves, errors)
-            for name, value in zip(OFFSET_VARIABLES, moments, strict=True):
-                pm.Deterministic(name, value, dims=tests)
+        if not self.observed:
+            pm.Potential("likelihood", self.log_likelihood(tests, values))
+        for part in tests.parts:
+            if self.observed:
+                register = register_stresses if part.of_sheets else register_measurements
+                register(part, curves, errors, points_of_part(tests, part, dims))
+            if self.with_offset and not part.of_sheets:
+                moments = posterior_of_offsets(part, curves, errors)
+                own = points_of_part(tests, part, "test")
+                for name, value in zip(OFFSET_VARIABLES, moments, strict=True):
+                    pm.Deterministic(name, value, dims=own)
 
     def log_likelihood(
         self,
-        tube: SymbolicTube,
+        tests: SymbolicTests,
         values: Mapping[str, Any] | None = None,
         signals: Collection[str] | None = None,
     ) -> TensorVariable:
-        """Return the log likelihood of the tube's data, or of some of its signals, a scalar.
+        """Return the log likelihood of the data of tests, or of some of its signals, a scalar.
 
         The `values` are those of :meth:`errors`.
         """
-        return log_likelihood(tube, self.errors(values), signals or self.signals)
+        errors, signals = self.errors(values), {*(signals or self.signals)}
+        terms = []
+        for part in tests.parts:
+            if part.of_sheets and "stress" in signals:
+                terms.append(log_likelihood_of_stresses(part, errors))
+            elif not part.of_sheets and signals - {"stress"}:
+                terms.append(log_likelihood(part, errors, signals))
+        return reduce(add, terms)
 
     def to_record(self) -> dict[str, Any]:
         """Return the likelihood in JSON types, with its units.
@@ -235,6 +287,7 @@ class Likelihood:
         for name, value in self.sizes.items():
             unit, inferred = SIZES[name].unit, is_inferred(value)
             size = f"inferred, in {unit}" if inferred else f"= {value:.6g} {unit}"
+            size = size.removesuffix(", in 1").removesuffix(" 1") if unit == "1" else size
             if name in SD_OF_SIGMA and inferred:
                 size += " (√2 standard deviations)"
             elif name in SD_OF_SIGMA:
@@ -247,6 +300,26 @@ class Likelihood:
         arguments = [f"{name}={_text(name, value)}" for name, value in self.sizes.items()]
         arguments += ["observed=True"] * self.observed
         return f"{type(self).__name__}({', '.join(arguments)})"
+
+
+def _check_kinds(
+    likelihood: Likelihood, tubes: xr.Dataset | None, sheets: xr.Dataset | None
+) -> None:
+    """Raise unless the likelihood states errors of the kinds of tests that the data hold."""
+    for there, stated, kind, example in (
+        (tubes is not None, likelihood.with_tubes, "tubes", "pressure_sd=2 * ph.mmHg"),
+        (sheets is not None, likelihood.with_sheets, "sheets", "stress_sd=5.0"),
+    ):
+        if there and not stated:
+            raise ValueError(
+                f"the data hold tests of {kind}, and the likelihood {likelihood} states no error "
+                f"of them: give ph.Gaussian({example}), or leave these tests out"
+            )
+        if stated and not there:
+            raise ValueError(
+                f"the likelihood {likelihood} states the errors of tests of {kind}, but the data "
+                "hold none: leave these errors away"
+            )
 
 
 def _text(name: str, value: Any) -> str:

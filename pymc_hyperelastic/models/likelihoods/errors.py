@@ -24,6 +24,9 @@ class Errors(NamedTuple):
     force_sd: Any = None
     force_offset_sd: Any = None
     slope_weight: Any = 0.0
+    stress_sd: Any = None
+    stretch_sd: Any = None
+    """Besides `stress_sd`."""
 
     @property
     def counts_slopes(self) -> bool:
@@ -43,7 +46,8 @@ class Size(NamedTuple):
 
 def _sd(unit: str, of_what: str, meaning: str = "a standard deviation") -> Size:
     example = " (5 mmHg is 5 * ph.mmHg)" if unit == "kPa" else ""
-    return Size(unit, f"{meaning}, a positive number of {unit}{example}", of_what)
+    number = "a positive number" if unit == "1" else f"a positive number of {unit}{example}"
+    return Size(unit, f"{meaning}, {number}", of_what)
 
 
 # Arguments of all likelihoods by name.
@@ -53,10 +57,14 @@ SIZES = {
     "diameter_sd": _sd("mm", "errors of diameters"),
     "force_sd": _sd("mN", "errors of axial forces"),
     "force_offset_sd": _sd("mN", "offsets of the force transducer, one for each test"),
+    "stress_sd": _sd("kPa", "errors of stresses"),
+    "stretch_sd": _sd("1", "errors of stretches"),
     "sigma": _sd("kPa", "errors of pressures", "√2 standard deviations"),
     "force_sigma": _sd("mN", "errors of axial forces", "√2 standard deviations"),
     "slope_weight": Size("mm²", "a number of mm², 0 to leave the slopes out", "slopes"),
 }
+# Those of tests of sheets.
+OF_SHEETS = ("stress_sd", "stretch_sd")
 # Sizes that are √2 standard deviations, and the names of these.
 SD_OF_SIGMA = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
 

@@ -19,7 +19,9 @@ class Gaussian(Likelihood):
     .. math:: y_i \sim N(p_i, s_p^2), \qquad
         F^{\text{meas}}_i \sim N(F_i + o_{t(i)}, s_F^2), \qquad o_t \sim N(0, s_o^2).
 
-    The offset ``o`` of the force transducer, one for each test ``t``, is integrated out.
+    The offset ``o`` of the force transducer, one for each test ``t``, is integrated out. Stresses
+    of sheets have independent errors, ``σ^meas_i ~ N(σ_i, s_σ²)``, of the stress that was measured:
+    Cauchy or nominal.
 
     Parameters
     ----------
@@ -37,10 +39,16 @@ class Gaussian(Likelihood):
     diameter_sd : float or distribution, optional
         Standard deviation ``s_D`` of a measured outer diameter, or of twice a measured internal
         radius, mm, besides the error of the pressure. See the notes.
+    stress_sd : float or distribution, optional
+        Standard deviation ``s_σ`` of a measured stress of a sheet, kPa. Data of sheets alone need
+        no `pressure_sd`; data of tubes and sheets need both.
+    stretch_sd : float or distribution, optional
+        Standard deviation of a measured stretch of a sheet, besides the error of the stress. See
+        the notes.
     observed : bool, default False
-        If True, a model declares observed variables, ``measured_pressure`` and
-        ``measured_axial_force``, in place of the Potential ``likelihood``. PyMC can then draw
-        predictions, and ArviZ can compute LOO.
+        If True, a model declares observed variables, ``measured_pressure``,
+        ``measured_axial_force``, ``measured_stress_x`` and ``measured_stress_y``, in place of the
+        Potential ``likelihood``. PyMC can then draw predictions, and ArviZ can compute LOO.
 
     Raises
     ------
@@ -65,7 +73,10 @@ class Gaussian(Likelihood):
     .. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
         + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix}.
 
-    Do not use it where the slope changes by more than a tenth over one standard deviation,
+    An error of a stretch shifts both stresses of a point in the same way, by their derivatives by
+    the measured stretches.
+
+    Do not use either where the slope changes by more than a tenth over one standard deviation,
     ``κ = s_D |p''/p'| > 0.1``: the theory page on likelihoods has a table of errors.
 
     Examples
@@ -87,14 +98,22 @@ class Gaussian(Likelihood):
     force_sd: Any = field(default=None, kw_only=True)
     force_offset_sd: Any = field(default=None, kw_only=True)
     diameter_sd: Any = field(default=None, kw_only=True)
+    stress_sd: Any = field(default=None, kw_only=True)
+    stretch_sd: Any = field(default=None, kw_only=True)
 
     force_name: ClassVar[str] = "force_sd"
 
     def __post_init__(self) -> None:
         """Refuse errors of pressures and radii that exclude each other, or cannot be drawn."""
         super().__post_init__()
+        if self.stretch_sd is not None and self.stress_sd is None:
+            raise ValueError(
+                "stretch_sd is given without stress_sd: give the standard deviation of a stress, "
+                "kPa, too"
+            )
         if self.radius_sd is None:
-            check_size("pressure_sd", self.pressure_sd)
+            if not self.with_sheets or {"force_sd", "diameter_sd"} & self.sizes.keys():
+                check_size("pressure_sd", self.pressure_sd)
             return
         for name in ("pressure_sd", "diameter_sd"):
             if name in self.sizes:

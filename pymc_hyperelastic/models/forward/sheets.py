@@ -1,0 +1,149 @@
+"""The forward model of sheets: stresses under the measured stretches."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytensor.tensor as pt
+import xarray as xr
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.sheet import stresses_at
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
+from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
+from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, Curves, Points, Values
+from pymc_hyperelastic.models.priors import is_inferred
+
+# Points by the directions in which their stretch is known: the other direction is free.
+_BLOCKS = {"both": (True, True), "only_x": (True, False), "only_y": (False, True)}
+
+
+class SheetForward(ForwardModel):
+    """Stresses of sheets at the measured stretches, for any parameters.
+
+    The arguments are those of :class:`TubeForward`; stresses are computed at every point.
+    """
+
+    of_sheets = True
+
+    def __init__(
+        self,
+        energy: StrainEnergy,
+        data: xr.Dataset,
+        parameters: Values,
+        *,
+        by_test: bool = False,
+        replaceable: bool = True,
+    ) -> None:
+        super().__init__(data, by_test=by_test, replaceable=replaceable)
+        self.energy, self._names = energy, [*parameters]
+        self.blocks = [name for name, rows in _rows_of_blocks(data).items() if rows.size]
+
+    @property
+    def unknown(self) -> tuple[list[str], list[str]]:
+        """Names of the unknown material parameters, and of no geometry."""
+        return self._names, []
+
+    def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
+        """Return 0: stresses are exact, or not a number."""
+        return np.zeros(1)
+
+    def refined(
+        self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
+    ) -> "SheetForward":
+        """Return the same."""
+        return self
+
+    def tube(
+        self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
+    ) -> "SymbolicSheets":
+        """The sheets with variables of a model in place of the distributions."""
+        return SymbolicSheets(self, parameters)
+
+    def arrays(self, data: xr.Dataset) -> Arrays:
+        """Return the arrays of the data for the stresses of each block of points."""
+        blocks = _rows_of_blocks(data)
+        for name, rows in blocks.items():
+            if rows.size and name not in self.blocks:
+                raise ValueError(
+                    "in these data a sheet is free in a direction in which none was free in the "
+                    "data of the model: make the model of data that hold such tests"
+                )
+        logs = {axis: np.log(data[f"stretch_{axis}"].values.astype(float)) for axis in "xy"}
+        nominal = data["stress_measure"].values[data["test"].values] == "nominal"
+        found: Arrays = {
+            # Where each point is among the points of all blocks.
+            "place": np.argsort(np.concatenate([blocks[name] for name in self.blocks]))
+        }
+        for block in self.blocks:
+            rows = blocks[block]
+            found[f"{block}_test"] = data["test"].values[rows]
+            found[f"{block}_nominal"] = nominal[rows].astype(float)
+            for axis, known in zip("xy", _BLOCKS[block], strict=True):
+                if known:
+                    found[f"{block}_{axis}"] = logs[axis][rows]
+        return found
+
+
+@dataclass(frozen=True)
+class SymbolicSheets(SymbolicTests):
+    """Sheets of variable material at the points of the data."""
+
+    of_sheets = True
+
+    forward: SheetForward
+    parameters: Mapping[str, Any]
+
+    def curves(self) -> Curves:
+        """Stresses ``stress_x`` and ``stress_y`` at the points, kPa; 0 in a free direction."""
+        blocks = [self._block(block)[0] for block in self.forward.blocks]
+        return {f"stress_{axis}": self._joined([b[axis] for b in blocks]) for axis in "xy"}
+
+    def slopes(self) -> dict[tuple[str, str], TensorVariable]:
+        """Derivatives of the stresses by the measured stretches, by the axes of both, kPa.
+
+        In a free direction they are 0; the stretch of that direction follows the other one.
+        """
+        found: dict[tuple[str, str], list] = {(a, b): [] for a in "xy" for b in "xy"}
+        for block in self.forward.blocks:
+            stresses, logs = self._block(block)
+            for (axis, by), slopes in found.items():
+                slope = pt.zeros_like(stresses[axis])
+                if by in logs:
+                    slope = elementwise_derivative(stresses[axis], logs[by]) * pt.exp(-logs[by])
+                slopes.append(slope)
+        return {axes: self._joined(slopes) for axes, slopes in found.items()}
+
+    @property
+    def _inputs(self) -> dict[str, Any]:
+        return self.forward.share("stretches", self.forward.arrays)
+
+    def _block(self, block: str) -> tuple[dict[str, TensorVariable], dict[str, TensorVariable]]:
+        """Return the stresses of the points of a block, and the logarithms of known stretches."""
+        inputs, energy = self._inputs, self.forward.energy
+        entries = energy.split(self.parameters)
+        if self.forward.by_test:
+            test = inputs[f"{block}_test"]
+            entries = [entry[test] if is_inferred(entry) else entry for entry in entries]
+        # Expressions of their own, by which stresses are differentiated.
+        logs = {axis: inputs.get(f"{block}_{axis}") for axis in "xy"}
+        known = {axis: pt.as_tensor(log) + 0.0 for axis, log in logs.items() if log is not None}
+        x, y, log_x, log_y = stresses_at(energy, known.get("x"), known.get("y"), entries)
+        nominal = inputs[f"{block}_nominal"]
+        # Nominal stress is Cauchy stress over stretch.
+        return {"x": x * pt.exp(-nominal * log_x), "y": y * pt.exp(-nominal * log_y)}, known
+
+    def _joined(self, blocks: list[TensorVariable]) -> TensorVariable:
+        """Values of all blocks, in the order of the points."""
+        if len(blocks) == 1:
+            return blocks[0]
+        return pt.concatenate(blocks, axis=-1)[self._inputs["place"]]
+
+
+def _rows_of_blocks(data: xr.Dataset) -> dict[str, Points]:
+    """Return the points of each block."""
+    known = [np.isfinite(data[f"stretch_{axis}"].values.astype(float)) for axis in "xy"]
+    return {
+        name: np.flatnonzero((known[0] == x) & (known[1] == y)) for name, (x, y) in _BLOCKS.items()
+    }
