@@ -135,6 +135,42 @@ def arruda_boyce_energy(l1, l2, l3, *, mu, lock):
     )
 
 
+def lopez_pamies_energy(l1, l2, l3, **entries):
+    """``W = sum 3^(1 - alpha_p)/(2 alpha_p) mu_p (I1^alpha_p - 3^alpha_p)``."""
+    first_invariant = first(l1, l2, l3) + 3
+    terms = [(entries[f"mu_{p}"], entries[f"alpha_{p}"]) for p in range(len(entries) // 2)]
+    return sum(
+        mp.mpf(3) ** (1 - a) / (2 * a) * mu * (first_invariant**a - mp.mpf(3) ** a)
+        for mu, a in terms
+    )
+
+
+LOPEZ_PAMIES_RUBBER = {"mu": (269.9, 0.01771), "alpha": (1.08, 4.40)}
+"""Vulcanised rubber of Treloar.
+
+Source: O. Lopez-Pamies, "A new I1-based hyperelastic model for rubber elastic materials", Comptes
+Rendus Mecanique 338 (2010) 3-11, as stated in the documentation of FElupe
+(github.com/adtzlr/felupe,
+src/felupe/constitution/tensortrax/models/hyperelastic/_lopez_pamies.py).
+"""
+
+LAWS["LopezPamies(terms=1)"] = Law(
+    ph.LopezPamies(terms=1),
+    lopez_pamies_energy,
+    (
+        ({"mu": (20.0,), "alpha": (1.0,)}, "the neo-Hookean solid, which has a closed form"),
+        ({"mu": (20.0,), "alpha": (0.5,)}, "end of the prior: softens"),
+    ),
+)
+LAWS["LopezPamies(terms=2)"] = Law(
+    ph.LopezPamies(),
+    lopez_pamies_energy,
+    (
+        ({"mu": (20.0, 1.0), "alpha": (1.0, 8.0)}, "a stiffening artery"),
+        (LOPEZ_PAMIES_RUBBER, "the rubber for which the series was made"),
+        ({"mu": (0.0, 1.0), "alpha": (1.0, 40.0)}, "end of the prior: steep"),
+    ),
+)
 LAWS["ArrudaBoyce"] = Law(
     ph.ArrudaBoyce(),
     arruda_boyce_energy,
@@ -354,6 +390,32 @@ LAWS["FourFiber"] = Law(
         fibre_strain(hoop, axial, 0),
         fibre_strain(hoop, axial, beta),
     ),
+)
+
+
+def holzapfel_ogden_energy(l1, l2, l3, *, a, b, a_fibre, b_fibre, a_cross, b_cross):
+    """``a/(2 b) {exp[b (I1 - 3)] - 1}``, and two terms ``a/(2 b) {exp[b (I4 - 1)^2] - 1}``."""
+    matrix = a / (2 * b) * (mp.exp(b * first(l1, l2, l3)) - 1)
+    families = fibres(l2**2 - 1, a_fibre, b_fibre) + fibres(l3**2 - 1, a_cross, b_cross)
+    return matrix + families
+
+
+LAWS["HolzapfelOgden"] = Law(
+    ph.HolzapfelOgden(),
+    holzapfel_ogden_energy,
+    (
+        (
+            {"a": 2.28, "b": 0.5, "a_fibre": 1.685, "b_fibre": 0.4}
+            | {"a_cross": 0.9, "b_cross": 0.3},
+            "moduli of a heart, of the source; its exponents are for stretches below 1.2",
+        ),
+        (
+            {"a": 2.28, "b": 1e-12, "a_fibre": 1.685, "b_fibre": 1e-12}
+            | {"a_cross": 0.0, "b_cross": 1.0},
+            "fibres along x alone; the energy reads 0/0 at b = 0",
+        ),
+    ),
+    switches=lambda hoop, axial, **parameters: (fibre_strain(hoop, axial, 0),),
 )
 
 

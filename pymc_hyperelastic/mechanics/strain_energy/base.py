@@ -348,6 +348,13 @@ def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
     return tuple(float(f"{value:.6g}") for value in np.ravel(values))
 
 
+def check_terms(terms: Any) -> int:
+    """Return the number of terms of a series; raise ValueError unless it is at least 1."""
+    if not isinstance(terms, int) or isinstance(terms, bool) or terms < 1:
+        raise ValueError(f"terms is {terms!r}; expected a whole number, at least 1")
+    return terms
+
+
 def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:
     """Derivative ``∂y/∂x`` where each entry of `y` depends on the same entry of `x` only."""
     return grad(y.sum(), x, disconnected_inputs="ignore")

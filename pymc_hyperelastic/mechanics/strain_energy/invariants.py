@@ -10,6 +10,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     IsotropicStrainEnergy,
     Parameter,
+    check_terms,
     elementwise_derivative,
     first_invariant_excess,
     half_difference,
@@ -20,6 +21,7 @@ __all__ = [
     "ArrudaBoyce",
     "Demiray",
     "Gent",
+    "LopezPamies",
     "MooneyRivlin",
     "NeoHookean",
     "PowerLawNeoHookean",
@@ -317,3 +319,65 @@ class PowerLawNeoHookean(_FirstInvariant):
         # tiny number, the stress vanishes, as in the limit.
         divisor = pt.where(pt.eq(n, 0.0), np.sqrt(np.finfo(float).tiny), n)
         return mu / 2 * pt.exp((n - 1) * pt.log1p(excess / divisor))
+
+
+class LopezPamies(_FirstInvariant):
+    r"""Lopez-Pamies solid: powers of the first invariant.
+
+    .. math:: W = \sum_{p=1}^{P} \frac{3^{1-α_p}}{2 α_p} μ_p \left(I_1^{α_p} - 3^{α_p}\right)
+
+    The small-strain shear modulus is ``Σ μp``. A term with ``αp = 1`` is neo-Hookean. In rubber the
+    first exponent is about 1, and the second one, about 4, describes the stiffening. The order of
+    the terms has no effect: if all terms have the same prior, the posterior has one mode per order.
+
+    Source: O. Lopez-Pamies, Comptes Rendus Mecanique 338 (2010) 3-11.
+
+    Parameters
+    ----------
+    terms : int, default 2
+        Number of terms.
+
+    Raises
+    ------
+    ValueError
+        If `terms` is not a positive whole number.
+
+    See Also
+    --------
+    OgdenSeries, Gent
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> radius, tube = [7.5, 8.5], ph.Tube(7.0, 9.0)
+    >>> parameters = {"mu": [20.0, 1.0], "alpha": [1.0, 8.0]}
+    >>> ph.inflation_pressure(ph.LopezPamies(), radius, tube, **parameters).eval().round(3)
+    array([1.041, 2.497])
+    """
+
+    equation = "W = Σ (3^(1−α_p)/(2 α_p)) μ_p (I₁^α_p − 3^α_p)"
+
+    def __init__(self, terms: int = 2) -> None:
+        self.terms = check_terms(terms)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The two vector parameters."""
+        exponent = (
+            "exponent of each term; 1 and 4 in rubber; the force of a sheet that is pulled falls "
+            "below 0.5; (α − 1)/3 is the exponent b of Demiray's law at small strain"
+        )
+        return (
+            Parameter("mu", r"\mu", "kPa", (0.0, 100.0), "modulus of each term", self.terms),
+            Parameter("alpha", r"\alpha", "", (0.5, 40.0), exponent, self.terms),
+        )
+
+    def of_excess(self, excess: Tensor, *, mu: Any, alpha: Any) -> Tensor:
+        """``Σ 3 μp/(2 αp) [(I₁/3)^αp − 1]``."""
+        log = pt.log1p(excess / 3)
+        return sum(3 * m / (2 * a) * pt.expm1(a * log) for m, a in zip(mu, alpha, strict=True))
+
+    def derivative(self, excess: Tensor, *, mu: Any, alpha: Any) -> Tensor:
+        """``Σ (μp/2) (I₁/3)^(αp − 1)``."""
+        log = pt.log1p(excess / 3)
+        return sum(m / 2 * pt.exp((a - 1) * log) for m, a in zip(mu, alpha, strict=True))

@@ -5,7 +5,11 @@ from typing import Any
 import pytensor.tensor as pt
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy, Parameter
+from pymc_hyperelastic.mechanics.strain_energy.base import (
+    IsotropicStrainEnergy,
+    Parameter,
+    check_terms,
+)
 
 __all__ = ["Ogden", "OgdenSeries"]
 
@@ -96,9 +100,7 @@ class OgdenSeries(IsotropicStrainEnergy):
     equation = "W = Σ (μ_p/α_p) (λ_r^α_p + λ_θ^α_p + λ_z^α_p − 3)"
 
     def __init__(self, terms: int = 3) -> None:
-        if not isinstance(terms, int) or isinstance(terms, bool) or terms < 1:
-            raise ValueError(f"terms is {terms!r}; expected a whole number, at least 1")
-        self.terms = terms
+        self.terms = check_terms(terms)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
