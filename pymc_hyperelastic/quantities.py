@@ -46,7 +46,7 @@ class QuantitySpec:
     symbol: str = ""
     """TeX without dollar signs."""
     lies_on: str = ""
-    """Dimension of the inflation data, ``"obs"`` or ``"test"``, if these may hold it."""
+    """Dimension of data, ``"obs"`` or ``"test"``, if data may hold it."""
 
     @property
     def unit(self) -> str:
@@ -77,6 +77,7 @@ _LABELS = [
     QuantitySpec("group", "label", "group", lies_on="test"),
     QuantitySpec("cycle", "label", "cycle of the experiment", lies_on="test"),
     QuantitySpec("phase", "label", "phase of the cycle", lies_on="test"),
+    QuantitySpec("stress_measure", "label", "measure of the stress of a sheet", lies_on="test"),
     QuantitySpec("animal", "label", "animal"),
     QuantitySpec("split", "label", "split"),
 ]
@@ -85,6 +86,10 @@ _MEASURED = [
     QuantitySpec("outer_diameter", "length", "outer diameter", "d_o", "obs"),
     QuantitySpec("pressure", "pressure", "pressure", "p", "obs"),
     QuantitySpec("axial_force", "force", "reduced axial force", "F", "obs"),
+    QuantitySpec("stretch_x", "ratio", "stretch along x", r"\lambda_x", "obs"),
+    QuantitySpec("stretch_y", "ratio", "stretch along y", r"\lambda_y", "obs"),
+    QuantitySpec("stress_x", "pressure", "stress along x", lies_on="obs"),
+    QuantitySpec("stress_y", "pressure", "stress along y", lies_on="obs"),
 ]
 _TUBE = [
     QuantitySpec("inner_radius", "length", "inner radius of the reference tube", "A", "test"),
@@ -128,6 +133,8 @@ MEASURES = (
     "axial_stretch",
     "opening_angle",
 )
+#: Variables of the points of sheets: the stretches along both axes, then the stresses.
+SHEET_VARIABLES = ("stretch_x", "stretch_y", "stress_x", "stress_y")
 _ERRORS = [
     QuantitySpec(
         f"{spec.name}_sd",

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pymc_hyperelastic.data.inflation import OPTIONAL_LABELS, file_of, listed, row_text
+from pymc_hyperelastic.data.inflation import file_of, listed, row_text
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.validation import Problems
+from pymc_hyperelastic.data.variables import OPTIONAL_LABELS
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.rounding import ROUNDING
 

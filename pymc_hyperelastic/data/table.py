@@ -17,11 +17,12 @@ from pymc_hyperelastic.data.columns import (
 )
 from pymc_hyperelastic.data.extension import stretches_of
 from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
-from pymc_hyperelastic.data.inflation import POINTS, check_inflation_data, defects_of
+from pymc_hyperelastic.data.inflation import check_inflation_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
+from pymc_hyperelastic.data.variables import POINTS
 from pymc_hyperelastic.mechanics.reference_tube import Tube, check_is_tube, stated_wall
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 from pymc_hyperelastic.quantities import IN_TABLES, POWERS
