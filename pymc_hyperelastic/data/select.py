@@ -59,7 +59,7 @@ def select(
 
     See Also
     --------
-    inflation_data, read_tests
+    inflation_data, sheet_data, combine_tests, read_tests
 
     Examples
     --------

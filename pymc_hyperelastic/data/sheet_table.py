@@ -138,7 +138,7 @@ def sheet_data(
 
     See Also
     --------
-    inflation_data, sheet_stress, select
+    inflation_data, combine_tests, sheet_stress, select
 
     Examples
     --------

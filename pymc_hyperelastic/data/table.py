@@ -123,7 +123,7 @@ def inflation_data(
 
     See Also
     --------
-    Tube, read_tests, select
+    Tube, sheet_data, read_tests, select
 
     Examples
     --------
