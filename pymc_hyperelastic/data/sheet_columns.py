@@ -52,7 +52,7 @@ def columns_of(name: str) -> tuple[str, str, str]:
 
 
 def deformation_in(columns: Iterable[str]) -> str:
-    """Which measure of deformation a frame has. Raises ValueError if it is none, or several."""
+    """Measure of deformation that a frame has. Raises ValueError if it has none, or several."""
     columns = [*columns]
     there = [name for names in map(columns_of, DEFORMATIONS) for name in names if name in columns]
     measures = [name for name in DEFORMATIONS if {*columns_of(name)} & {*there}]
@@ -142,7 +142,7 @@ def check_columns(rows: Rows, name: str, kinds: NDArray[np.str_]) -> None:
 
 
 def numbers_of(rows: Rows, name: str, kinds: NDArray[np.str_]) -> ByAxis:
-    """Numbers of a quantity along both axes, NaN where there are none."""
+    """Numbers of a quantity along both axes, NaN if not measured."""
     if name in rows.frame:
         numbers, pulled = rows.numbers(name, may_be_missing=True), axes_of(kinds)
         return {axis: np.where(pulled == axis, numbers, np.nan) for axis in AXES}

@@ -19,7 +19,7 @@ from pymc_hyperelastic.data.variables import (
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_TABLES, SHEET_VARIABLES
 
-# What stands between different texts of an attribute; of other attributes only equal ones are kept.
+# Separators by which different texts of an attribute are joined.
 _BETWEEN_TEXTS = {"title": ", ", "description": " ", "source": " ", "understood": "\n"}
 
 
@@ -191,7 +191,7 @@ def _check_variables(datasets: Sequence[xr.Dataset]) -> None:
 
 
 def _attributes(datasets: Sequence[xr.Dataset]) -> dict[Any, Any]:
-    """Attributes of all datasets: joined texts, and those that are equal."""
+    """Attributes of all datasets: joined texts, and others if they are equal."""
     attributes = {}
     for name in dict.fromkeys(name for data in datasets for name in data.attrs):
         values = [data.attrs[name] for data in datasets if name in data.attrs]
