@@ -17,6 +17,8 @@ from pymc_hyperelastic.cohort import fit_cohort
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
+from pymc_hyperelastic.data.sheet_table import sheet_data
+from pymc_hyperelastic.data.sheets import combine_tests
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.design.information import expected_information
@@ -83,7 +85,9 @@ __all__ = [
     "load_dataset",
     "list_datasets",
     "inflation_data",
+    "sheet_data",
     "read_tests",
+    "combine_tests",
     "select",
     "mmHg",
     *strain_energy.__all__,

@@ -46,7 +46,7 @@ class QuantitySpec:
     symbol: str = ""
     """TeX without dollar signs."""
     lies_on: str = ""
-    """Dimension of the inflation data, ``"obs"`` or ``"test"``, if these may hold it."""
+    """Dimension of data, ``"obs"`` or ``"test"``, if data may hold it."""
 
     @property
     def unit(self) -> str:
@@ -77,6 +77,7 @@ _LABELS = [
     QuantitySpec("group", "label", "group", lies_on="test"),
     QuantitySpec("cycle", "label", "cycle of the experiment", lies_on="test"),
     QuantitySpec("phase", "label", "phase of the cycle", lies_on="test"),
+    QuantitySpec("stress_measure", "label", "measure of the stress of a sheet", lies_on="test"),
     QuantitySpec("animal", "label", "animal"),
     QuantitySpec("split", "label", "split"),
 ]
@@ -85,6 +86,10 @@ _MEASURED = [
     QuantitySpec("outer_diameter", "length", "outer diameter", "d_o", "obs"),
     QuantitySpec("pressure", "pressure", "pressure", "p", "obs"),
     QuantitySpec("axial_force", "force", "reduced axial force", "F", "obs"),
+    QuantitySpec("stretch_x", "ratio", "stretch along x", r"\lambda_x", "obs"),
+    QuantitySpec("stretch_y", "ratio", "stretch along y", r"\lambda_y", "obs"),
+    QuantitySpec("stress_x", "pressure", "stress along x", lies_on="obs"),
+    QuantitySpec("stress_y", "pressure", "stress along y", lies_on="obs"),
 ]
 _TUBE = [
     QuantitySpec("inner_radius", "length", "inner radius of the reference tube", "A", "test"),
@@ -128,6 +133,8 @@ MEASURES = (
     "axial_stretch",
     "opening_angle",
 )
+#: Variables of the points of sheets: the stretches along both axes, then the stresses.
+SHEET_VARIABLES = ("stretch_x", "stretch_y", "stress_x", "stress_y")
 _ERRORS = [
     QuantitySpec(
         f"{spec.name}_sd",
@@ -179,10 +186,10 @@ QUANTITIES = IN_RESULTS | IN_TABLES
 
 @dataclass(frozen=True)
 class PlausibleRange:
-    """The sizes that a quantity has in soft tubes; see :data:`MISTAKES` for other sizes.
+    """The sizes that a quantity has in soft tubes or sheets; :data:`MISTAKES` explains others.
 
-    The ranges hold arteries from arterioles to a dilated aorta, veins and other soft tubes, with
-    some room.
+    The ranges hold arteries from arterioles to a dilated aorta, veins and other soft tubes, and
+    sheets from brain to tendon and rubber, with some room.
     """
 
     what: str
@@ -211,6 +218,20 @@ PLAUSIBLE = {
     "axial_stress": PlausibleRange(
         "the largest axial force over the area of the wall", "kPa", 0.0, 2000.0, "force"
     ),
+    "largest_stretch": PlausibleRange("the largest stretch of a sheet", "", 0.6, 10.0),
+    "smallest_stretch": PlausibleRange("the smallest stretch of a sheet", "", 0.3, inf),
+    "largest_strain": PlausibleRange(
+        "the largest change of a length of a sheet over its unloaded length", "", 0.003, inf
+    ),
+    "largest_stress": PlausibleRange(
+        "the largest stress of a sheet", "kPa", 0.01, 200000.0, "pressure"
+    ),
+    "lateral_stretch": PlausibleRange(
+        "the stretch across the axis along which a sheet is pulled", "", 0.0, 1.02
+    ),
+    "thickness_stretch": PlausibleRange(
+        "the stretch of the thickness, 1/(λx λy), of a sheet pulled along one axis", "", 0.0, 1.02
+    ),
 }
 _OF_LENGTHS = (
     "was another unit meant? radius_unit=... is that of every length, measured or of the tube"
@@ -219,6 +240,7 @@ _OF_STRETCHES = (
     "are inner_radius and outer_radius diameters, in another unit, or of another tube?",
     "is the measured radius a diameter, in another unit than inner_radius, or of another tube?",
 )
+_OF_STRAINS = "Then name its column engineering_strain (λ − 1) or green_strain ((λ² − 1)/2)"
 #: The likely mistake if a quantity is below its range, and if it is above.
 MISTAKES = {
     "highest_pressure": (
@@ -243,4 +265,28 @@ MISTAKES = {
     "first_stretch": _OF_STRETCHES,
     "last_stretch": _OF_STRETCHES,
     "axial_stress": ("", "was another unit meant, force_unit=...?"),
+    "largest_stretch": (
+        f"was a strain given? {_OF_STRAINS}",
+        "was a strain given in per cent, 45 for 0.45, or is the gauge length in another unit than "
+        "the displacement?",
+    ),
+    "smallest_stretch": (f"was a strain given? {_OF_STRAINS}", ""),
+    "largest_strain": (
+        "is the gauge length in another unit than the displacement, or is this the change of a "
+        "stretch?",
+        "",
+    ),
+    "largest_stress": (
+        "was another unit meant, stress_unit=... or force_unit=..., length_unit=...?",
+        "was another unit meant, stress_unit=... or force_unit=..., length_unit=...?",
+    ),
+    "lateral_stretch": (
+        "",
+        "were the axes exchanged, or is this a biaxial test, kind='biaxial'?",
+    ),
+    "thickness_stretch": (
+        "",
+        "the sheet would become thicker where it is pulled: were the axes exchanged, is one "
+        "stretch over another length, or is the material compressible?",
+    ),
 }

@@ -3,6 +3,7 @@
 A specimen and an experiment, and a cycle and a phase if they have columns, make one test.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
@@ -10,9 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pymc_hyperelastic.data.inflation import OPTIONAL_LABELS, file_of, listed, row_text
+from pymc_hyperelastic.data.inflation import file_of, listed, row_text
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.validation import Problems
+from pymc_hyperelastic.data.variables import OPTIONAL_LABELS
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.rounding import ROUNDING
 
@@ -77,6 +79,12 @@ class Rows:
         """Record an error of a row."""
         self.failed.add(int(self.test[i]))
         self.problems.add(self.place(i), what)
+
+    def refuse_first(self, bad: np.ndarray, what: Callable[[int], str]) -> None:
+        """Record an error of the first bad row of each test that has no error yet."""
+        rows = np.flatnonzero(bad & ~np.isin(self.test, list(self.failed)))
+        for i in rows[np.unique(self.test[rows], return_index=True)[1]].tolist():
+            self.refuse(i, what(i))
 
     def refuse_test(self, test: int, what: str, dimension: str = "") -> None:
         """Record an error of a test that has none yet."""
@@ -149,14 +157,21 @@ def rows_of(frame: pd.DataFrame, problems: Problems) -> Rows:
     return Rows(frame, problems, labels, test, np.unique(test, return_index=True)[1])
 
 
-def check_frame(frame: pd.DataFrame, measured: str) -> None:
-    """Raise unless there is a frame with rows and with the columns of measured points."""
+def groups_of(rows: Rows) -> np.ndarray:
+    """Group of each test; it is "all" if the frame has no column of groups."""
+    if "group" not in rows.frame:
+        return np.full(rows.first.size, "all")
+    return rows.constant("group", labels_of(rows.frame, "group"))
+
+
+def check_frame(frame: pd.DataFrame, needed: Iterable[str]) -> None:
+    """Raise unless there is a frame with rows and with the needed columns."""
     if not isinstance(frame, pd.DataFrame):
         raise TypeError(
             f"expected a pandas DataFrame, not {type(frame).__name__}; "
             "read a file with read_tests, or with pandas.read_csv first"
         )
-    missing = [n for n in ("specimen", "experiment", measured, "pressure") if n not in frame]
+    missing = [name for name in needed if name not in frame]
     if missing:
         hint = ""
         if "radius" in missing and any("diameter" in str(name) for name in frame.columns):

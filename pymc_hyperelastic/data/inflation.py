@@ -1,8 +1,9 @@
-"""Inflation data: measured curves as one labelled, checked :class:`xarray.Dataset`.
+"""Measured curves of tubes and of sheets as one labelled, checked :class:`xarray.Dataset`.
 
 Dimension ``obs`` holds the measured points, dimension ``test`` the experiments. The coordinate
-``test`` on ``obs`` says to which experiment a point belongs. Pressures are in kPa, lengths in mm,
-angles in rad.
+``test`` on ``obs`` says to which experiment a point belongs. Pressures and stresses are in kPa,
+lengths in mm, angles in rad. Data of tubes are *inflation data*; ``variables.py`` says what data
+hold.
 
 In an *inflation test* the axial stretch is held; in an *extension test* it varies from point to
 point, mostly at a held pressure. If there are extension tests, ``axial_stretch`` lies on ``obs``,
@@ -17,23 +18,26 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.validation import Problem
+from pymc_hyperelastic.data.variables import (
+    OPTIONAL,
+    OPTIONAL_LABELS,
+    REQUIRED,
+    STRESS_MEASURE,
+    dimensions_of,
+    sheet_tests,
+)
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES, MEASURES
+from pymc_hyperelastic.quantities import IN_TABLES, SHEET_VARIABLES
 from pymc_hyperelastic.rounding import ROUNDING
 
 # Labels that a message lists.
 _MOST_LISTED = 30
-
-REQUIRED = ("radius", "pressure", *GEOMETRY)
-OPTIONAL = ("outer_diameter", "axial_force", *(f"{name}_sd" for name in MEASURES))
-LABELS = ("specimen", "experiment", "group")
-# Labels of tests if an experiment holds several curves.
-OPTIONAL_LABELS = ("cycle", "phase")
-# Coordinates of points.
-POINTS = {
-    "test": "inflation experiment that the point belongs to",
-    "row": "row of the point in its table",
+# Names of data by whether there are tubes and sheets.
+_KINDS = {
+    (True, False): "inflation data",
+    (False, True): "data of sheets",
+    (True, True): "data of tubes and sheets",
 }
 
 
@@ -126,12 +130,13 @@ def measured_radius(data: xr.Dataset) -> xr.DataArray:
 
 
 def check_inflation_data(data: xr.Dataset) -> None:
-    """Raise unless `data` is a sound inflation Dataset, as :func:`inflation_data` builds it.
+    """Raise unless `data` is a sound Dataset of tests of tubes, of sheets, or of both.
 
-    A variable may be missing, lie on another dimension, have another unit or not be numeric. Points
-    of a test may not stand together. Two tests, or specimens of two groups, may have one label. A
-    value may not be finite, or be impossible for a tube. All these are errors. The coordinates
-    ``row``, ``cycle`` and ``phase`` may be missing.
+    That is a Dataset as :func:`inflation_data` and :func:`sheet_data` build it. A variable may be
+    missing, lie on another dimension, have another unit or not be numeric. Points of a test may not
+    stand together. Two tests, or specimens of two groups, may have one label. A value may not be
+    finite, or be impossible. All these are errors. The coordinates ``row``, ``cycle`` and ``phase``
+    may be missing.
     """
     _check_structure(data)
     for place, what, *_ in defects_of(data):
@@ -141,18 +146,17 @@ def check_inflation_data(data: xr.Dataset) -> None:
 def _check_structure(data: xr.Dataset) -> None:
     if not isinstance(data, xr.Dataset):
         raise TypeError(
-            f"inflation data are an xarray.Dataset, not {type(data).__name__}; "
-            "make one from a table with inflation_data(frame, ...)"
+            f"inflation data are an xarray.Dataset, not {type(data).__name__}; make one from a "
+            "table with inflation_data(frame, ...), or of sheets with sheet_data(frame, ...)"
         )
-    dimensions = dict.fromkeys(POINTS, "obs")
-    names = (*REQUIRED, *OPTIONAL, *LABELS, *OPTIONAL_LABELS)
-    dimensions |= {name: IN_TABLES[name].lies_on for name in names}
+    required, optional = dimensions_of(data)
     variables = data.variables  # whose access is much faster than that of the Dataset
-    for name, dimension in dimensions.items():
+    for name, dimension in (required | optional).items():
         if name not in variables:
-            if name in ("row", *OPTIONAL, *OPTIONAL_LABELS):
+            if name in optional:
                 continue
-            raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")
+            kinds = ("radius" in required, "stretch_x" in required)
+            raise ValueError(f"the {_KINDS[kinds]} lack {name!r} (dimension {dimension!r})")
         allowed = [(dimension,), ("obs",)] if name == "axial_stretch" else [(dimension,)]
         if variables[name].dims not in allowed:
             expected = " or ".join(map(str, allowed))
@@ -170,7 +174,7 @@ def _check_structure(data: xr.Dataset) -> None:
 
 def _check_tests(data: xr.Dataset) -> None:
     if not data.sizes["obs"]:
-        raise ValueError("the inflation data hold no points")
+        raise ValueError("the data hold no points")
     test = data["test"].values
     if test.dtype.kind not in "iu":
         raise ValueError(f"'test' must hold integers, not {test.dtype}")
@@ -243,22 +247,66 @@ _RULES = {
 
 
 def defects_of(data: xr.Dataset) -> Iterator[Problem]:
-    """Values of a Dataset that are not finite, or impossible for a tube."""
-    present = [*REQUIRED, *(name for name in OPTIONAL if name in data)]
+    """Values of a Dataset that are not finite, or impossible for a tube or a sheet."""
+    sheets = sheet_tests(data)
+    if not sheets.all():
+        yield from _defects_of_tubes(data, sheets)
+    if STRESS_MEASURE in data.variables:
+        yield from _defects_of_sheets(data, sheets)
+
+
+def _defects_of_tubes(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]:
+    present = [*REQUIRED, *(name for name in OPTIONAL if name in data.variables)]
     values = {name: _numbers(data, name) for name in present}
     for name, numbers in values.items():
         expected = "a finite number"
-        if name == "radius" and "outer_diameter" in data:
+        if name == "radius" and "outer_diameter" in values:
             expected = "an outer diameter in which the wall has room"
         missing = np.isnan(numbers) & ~np.asarray(_may_be_missing(data, name))
-        yield from _found(data, name, numbers, np.isinf(numbers) | missing, f"expected {expected}")
-    for name, numbers in values.items():
+        bad = {f"expected {expected}": np.isinf(numbers) | missing}
         if name in _RULES:
             impossible, expected = _RULES[name]
-            yield from _found(data, name, numbers, impossible(values), expected)
+            bad[expected] = impossible(values)
         elif name.endswith("_sd"):
-            negative = "expected a standard deviation, not below 0"
-            yield from _found(data, name, numbers, numbers < 0, negative)
+            bad["expected a standard deviation, not below 0"] = numbers < 0
+        if sheets.any():
+            on_points = data.variables[name].dims == ("obs",)
+            of_sheet = sheets[data["test"].values] if on_points else sheets
+            bad = {expected: found & ~of_sheet for expected, found in bad.items()}
+            bad["expected nan, as the test is of a sheet"] = ~np.isnan(numbers) & of_sheet
+        for expected, found in bad.items():
+            yield from _found(data, name, numbers, found, expected)
+
+
+def _defects_of_sheets(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]:
+    of_sheet = sheets[data["test"].values]
+    values = {name: _numbers(data, name) for name in SHEET_VARIABLES}
+    missing = {name: np.isnan(numbers) for name, numbers in values.items()}
+    bad = {
+        "expected nan, as the test is of a tube": {
+            name: ~missing[name] & ~of_sheet for name in SHEET_VARIABLES
+        },
+        "expected a positive ratio of lengths, 1 for an unstretched sheet: was a strain given?": {
+            name: of_sheet & (np.isinf(values[name]) | (values[name] <= 0))
+            for name in ("stretch_x", "stretch_y")
+        },
+        "expected a finite number, or nan if it was not measured": {
+            name: of_sheet & np.isinf(values[name]) for name in ("stress_x", "stress_y")
+        },
+        "expected a number: both stretches are missing": {
+            "stretch_x": of_sheet & missing["stretch_x"] & missing["stretch_y"]
+        },
+        "expected a number: both stresses are missing; drop the row": {
+            "stress_x": of_sheet & missing["stress_x"] & missing["stress_y"]
+        },
+    }
+    for axis in "xy":
+        free = of_sheet & missing[f"stretch_{axis}"] & ~missing[f"stress_{axis}"]
+        expected = f"expected nan, as the sheet is free along {axis}: stretch_{axis} is nan"
+        bad[expected] = {f"stress_{axis}": free}
+    for expected, of_variables in bad.items():
+        for name, points in of_variables.items():
+            yield from _found(data, name, values[name], points, expected)
 
 
 def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:

@@ -1,7 +1,7 @@
 """The order of a test's points, by which slopes are taken: as measured, sorted, or refused.
 
 Points of an inflation test stand in the order of radii, those of an extension test in that of axial
-stretches.
+stretches, and those of a sheet in that of the stretch that varies most.
 """
 
 from typing import Literal, get_args
@@ -59,9 +59,7 @@ def order_of_points(
     In a test whose axial `stretch`, given by rows, is `varying`, it is the stretch that does not
     turn; rows that were shuffled are sorted by it, whatever the radius does.
     """
-    # Stable: points keep the frame's order inside a test, also if its rows are scattered.
-    gathered = np.argsort(rows.test, kind="stable")
-    tests = np.split(gathered, np.cumsum(np.bincount(rows.test))[:-1])
+    tests = _points_of_tests(rows)
     compared = {
         name: points[name] for name in (measured, "pressure", "axial_force") if name in points
     }
@@ -72,27 +70,61 @@ def order_of_points(
         name = "axial_stretch" if extended else measured
         along = stretch[own] if extended else points[measured][own]
         pressure = None if extended else points["pressure"][own]
-        failed = rows.test[own[0]] in rows.failed
-        order.append(own if failed else _sorted(rows, own, name, along, pressure))
-        if not np.array_equal(order[-1], own):
-            rows.problems.doubt(
-                "order",
-                rows.place(own[_first_turn(along)]),
-                f"{name} turns back here; the rows of the experiment were shuffled, and have been "
-                "sorted by it",
-            )
+        order.append(_sorted(rows, own, name, along, pressure))
     return np.concatenate(order)
 
 
+def order_of_sheet_points(
+    rows: Rows, points: dict[str, Array], stretches: dict[str, Array]
+) -> Points:
+    """Rows test by test, each in the order of the stretch that varies most in it.
+
+    The `stretches` are the given measures of them, by the names of their columns. Rows that were
+    shuffled are sorted, which is doubted; rows up and down, as in loading and unloading, are an
+    error.
+    """
+    tests = _points_of_tests(rows)
+    _refuse_repeated(rows, points, tests, np.full(len(rows.test), np.nan))
+    order = []
+    for own in tests:
+        known = {name: x[own] for name, x in stretches.items() if np.isfinite(x[own]).all()}
+        name = max(known, key=lambda name: np.ptp(known[name]), default=None)
+        order.append(own if name is None else _sorted(rows, own, name, known[name], None))
+    return np.concatenate(order)
+
+
+def _points_of_tests(rows: Rows) -> list[Points]:
+    # Stable: points keep the frame's order inside a test, also if its rows are scattered.
+    gathered = np.argsort(rows.test, kind="stable")
+    return np.split(gathered, np.cumsum(np.bincount(rows.test))[:-1])
+
+
 def _sorted(rows: Rows, points: Points, name: str, along: Array, pressure: Array | None) -> Points:
-    """Order of one test by the quantity `name`; without pressures it is an extension test."""
+    """Order of one test by the quantity `name`, with a doubt or an error if it turns."""
+    if rows.test[points[0]] in rows.failed:
+        return points
+    order = _order_along(rows, points, name, along, pressure)
+    if not np.array_equal(order, points):
+        rows.problems.doubt(
+            "order",
+            rows.place(points[_first_turn(along)]),
+            f"{name} turns back here; the rows of the experiment were shuffled, and have been "
+            "sorted by it",
+        )
+    return order
+
+
+def _order_along(
+    rows: Rows, points: Points, name: str, along: Array, pressure: Array | None
+) -> Points:
+    """Order of one test by the quantity `name`; without pressures its points have no slopes."""
     ascending = np.argsort(along, kind="stable")
     if _never_turns(along) or (pressure is not None and _never_turns(pressure)):
         return points
     turns = _turns(along) if pressure is None else min(_turns(along), _turns(pressure))
     if _up_and_down(turns, len(points)):
         why = "as if this were loading and unloading"
-        why += ", between which a wall loses energy" if pressure is None else f"; {_SLOPES}"
+        why += ", between which a material loses energy" if pressure is None else f"; {_SLOPES}"
     elif pressure is None:
         return points[ascending] if turns else points
     elif np.all(np.diff(pressure[ascending]) >= 0):

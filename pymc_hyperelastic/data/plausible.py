@@ -1,4 +1,4 @@
-"""Doubts about inflation data whose sizes soft tubes do not have, with the likely mistake.
+"""Doubts about data whose sizes soft tubes or sheets do not have, with the likely mistake.
 
 The ranges are in :data:`~pymc_hyperelastic.quantities.PLAUSIBLE`. A size outside its range may be
 right, but mostly another unit or another quantity was given.
@@ -15,19 +15,38 @@ from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import MISTAKES, PLAUSIBLE
+from pymc_hyperelastic.quantities import MISTAKES, PLAUSIBLE, SHEET_VARIABLES
 
 Array = NDArray[np.float64]
 
 # kPa: a test whose lowest pressure is below, and whose highest is above, has nearly unloaded and
 # inflated tubes.
 _UNLOADED = 2.0
+# A sheet is pulled if its largest stretch is at least this.
+_PULLED = 1.05
+# Logarithm of a stretch whose stress does hardly any work.
+_HELD = 0.01
 
 
 def check_plausible(data: xr.Dataset, problems: Problems) -> None:
     """Doubt numbers that no soft tube has, once for each quantity."""
     _doubt_single_points(data, problems)
-    for name, values in _quantities(data).items():
+    _doubt_ranges(_quantities(data), data, problems)
+
+
+def check_plausible_sheets(data: xr.Dataset, lateral: Array, problems: Problems) -> None:
+    """Doubt numbers that no soft sheet has, once for each quantity.
+
+    `lateral` are measured stretches across the pulled axis of points of uniaxial tests, or NaN.
+    """
+    _doubt_single_points(data, problems)
+    _doubt_ranges(_quantities_of_sheets(data, lateral), data, problems)
+    _doubt_signs(data, problems)
+
+
+def _doubt_ranges(quantities: dict[str, Array], data: xr.Dataset, problems: Problems) -> None:
+    """Doubt quantities, one number a test, that are beyond their plausible ranges."""
+    for name, values in quantities.items():
         expected = PLAUSIBLE[name]
         # Comparisons with NaN, an unknown size, are False.
         for i in np.flatnonzero((values < expected.low) | (values > expected.high)):
@@ -104,8 +123,66 @@ def _quantities(data: xr.Dataset) -> dict[str, Array]:
     return quantities
 
 
+def _quantities_of_sheets(data: xr.Dataset, lateral: Array) -> dict[str, Array]:
+    """Quantities of sheets with a plausible range, one number a test."""
+    starts = _starts(data["test"].values)
+    x, y, stress_x, stress_y = (data[name].values for name in SHEET_VARIABLES)
+    longest = np.fmax(x, y)
+    largest = np.fmax.reduceat(longest, starts)
+    smallest = np.fmin.reduceat(np.fmin(x, y), starts)
+    # If a strain was given as a stretch all are small, which is doubted once.
+    likely = largest >= PLAUSIBLE["largest_stretch"].low
+    quantities = {
+        "largest_stretch": largest,
+        "smallest_stretch": np.where(likely, smallest, np.nan),
+        "largest_strain": np.where(likely, np.fmax(largest - 1, 1 - smallest), np.nan),
+        "largest_stress": np.fmax.reduceat(np.fmax(abs(stress_x), abs(stress_y)), starts),
+    }
+    if np.isfinite(lateral).any():
+        point = _extreme(np.nanargmax, longest, data["test"].values)
+        across = np.where(largest >= _PULLED, lateral[point], np.nan)
+        quantities["lateral_stretch"] = across
+        quantities["thickness_stretch"] = 1 / (largest * across)
+    return quantities
+
+
+def _doubt_signs(data: xr.Dataset, problems: Problems) -> None:
+    """Doubt tests in which the stresses do negative work where the sheet is stretched most."""
+    stretches, stresses = (
+        np.array([data[f"{of}_{axis}"].values for axis in "xy"]) for of in ("stretch", "stress")
+    )
+    logs = np.log(stretches)
+    work = stresses * logs
+    # The work is not known if a stress that does some was not measured. Equal stretches of two axes
+    # have stresses of one sign.
+    idle = np.isnan(logs) | (np.abs(logs) < _HELD) | np.isclose(logs[0], logs[1])
+    known = np.all(np.isfinite(work) | idle, axis=0)
+    for i, point in enumerate(
+        _extreme(np.argmax, np.nan_to_num(np.abs(logs)).max(axis=0), data["test"].values)
+    ):
+        if known[point] and np.nansum(work[:, point]) < 0:
+            pairs = zip("xy", stretches[:, point], stresses[:, point], strict=True)
+            stated = "; ".join(
+                f"stretch_{axis} {stretch:.6g}, stress_{axis} {stress:.6g} kPa"
+                for axis, stretch, stress in pairs
+                if np.isfinite(stress)
+            )
+            problems.doubt(
+                "sign",
+                place_of_test(data, i),
+                f"where the sheet is stretched most, its stress pulls against the stretch "
+                f"({stated}): was a sign exchanged, or is the stretch over another length than the "
+                "unloaded one?",
+            )
+
+
+def _starts(test: Array) -> NDArray[np.intp]:
+    """Position of the first point of every test, whose points stand together."""
+    return np.searchsorted(test, np.arange(test[-1] + 1))
+
+
 def _extreme(which: Callable[[Array], np.intp], values: Array, test: Array) -> Array:
     """Position of the lowest or the highest value of every test, whose points stand together."""
-    starts = np.searchsorted(test, np.arange(test[-1] + 1))
+    starts = _starts(test)
     parts = np.split(values, starts[1:])
     return starts + np.array([which(part) for part in parts])

@@ -1,4 +1,4 @@
-"""Parts of inflation data: some tests, by label or by position."""
+"""Parts of data: some tests, by label or by position."""
 
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from typing import Any
@@ -8,13 +8,20 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import (
-    OPTIONAL_LABELS,
     check_inflation_data,
     describe_test,
     extension_tests,
     listed,
 )
+from pymc_hyperelastic.data.variables import (
+    OPTIONAL,
+    OPTIONAL_LABELS,
+    REQUIRED,
+    STRESS_MEASURE,
+    sheet_tests,
+)
 from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.quantities import SHEET_VARIABLES
 
 
 def select(
@@ -32,13 +39,13 @@ def select(
     Parameters
     ----------
     data : xarray.Dataset
-        Inflation data, see :func:`inflation_data`.
+        Data of tubes, of sheets or of both, see :func:`inflation_data` and :func:`sheet_data`.
     specimen, experiment, group, cycle, phase : label or list of labels, optional
         What to keep; a test must satisfy all that are given. Cycles and phases are those of the
         columns of :func:`inflation_data`, such as ``phase="loading"``.
     **labels
-        Other labels that tests have, such as ``split="new"`` or ``animal="M1"`` of
-        :func:`~pymc_hyperelastic.read_tests`.
+        Other labels that tests have, such as ``stress_measure="nominal"``, or ``split="new"`` and
+        ``animal="M1"`` of :func:`~pymc_hyperelastic.read_tests`.
 
     Returns
     -------
@@ -52,7 +59,7 @@ def select(
 
     See Also
     --------
-    inflation_data, read_tests
+    inflation_data, sheet_data, combine_tests, read_tests
 
     Examples
     --------
@@ -94,6 +101,7 @@ def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Data
     """Keep the tests at the given positions, which must rise, with ``test`` counted anew.
 
     If no extension test is kept, the axial stretch is one number a test, as in data without any.
+    Variables of sheets are dropped if no test of a sheet is kept, and so are those of tubes.
     """
     # Points stand in the order of their tests, so that only those of the few that are kept are
     # looked at.
@@ -105,8 +113,12 @@ def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Data
     renumbered = np.searchsorted(positions, test[own])
     # In its place: to assign coordinates anew takes as long as all else here.
     chosen["test"].data = renumbered
-    if "axial_stretch" not in chosen:  # tests of sheets alone
-        return chosen
+    if STRESS_MEASURE in chosen.variables:
+        sheets = sheet_tests(chosen)
+        if not sheets.any():
+            chosen = chosen.drop_vars([*SHEET_VARIABLES, STRESS_MEASURE], errors="ignore")
+        elif sheets.all():
+            return chosen.drop_vars([*REQUIRED, *OPTIONAL], errors="ignore")
     stretch = chosen["axial_stretch"]
     if stretch.dims == ("obs",) and not extension_tests(chosen).any():
         held = stretch.values[np.unique(renumbered, return_index=True)[1]]

@@ -11,17 +11,18 @@ import xarray as xr
 from pymc_hyperelastic.data.columns import (
     Rows,
     check_frame,
-    labels_of,
+    groups_of,
     plain_array,
     rows_of,
 )
 from pymc_hyperelastic.data.extension import stretches_of
 from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
-from pymc_hyperelastic.data.inflation import POINTS, check_inflation_data, defects_of
+from pymc_hyperelastic.data.inflation import check_inflation_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
+from pymc_hyperelastic.data.variables import POINTS
 from pymc_hyperelastic.mechanics.reference_tube import Tube, check_is_tube, stated_wall
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 from pymc_hyperelastic.quantities import IN_TABLES, POWERS
@@ -122,7 +123,7 @@ def inflation_data(
 
     See Also
     --------
-    Tube, read_tests, select
+    Tube, sheet_data, read_tests, select
 
     Examples
     --------
@@ -152,7 +153,7 @@ def inflation_data(
     if measured not in get_args(MeasuredLength):
         raise ValueError(f"measured is {measured!r}; expected one of {get_args(MeasuredLength)}")
     check_known(check)
-    check_frame(frame, measured)
+    check_frame(frame, ("specimen", "experiment", measured, "pressure"))
     check_is_tube(tube)
     problems = Problems(check, frame.attrs.get(UNITS_IN_FILES, {}))
     rows = rows_of(last_cycles(frame, cycles), problems)
@@ -180,8 +181,7 @@ def inflation_data(
     sector = reference_tube(rows, tube, measures)
     values |= sector
     values |= errors_of_tube(rows, tube, errors)
-    group = labels_of(rows.frame, "group") if "group" in rows.frame else np.full(len(order), "all")
-    groups = rows.constant("group", group)
+    groups = groups_of(rows)
     if measured == "outer_diameter":
         geometry = {name: values[name][rows.test[order]] for name in sector}
         geometry["axial_stretch"] = stretch[order]
@@ -190,12 +190,8 @@ def inflation_data(
             values["radius"] = internal_radius_from_outer_radius(
                 values["outer_diameter"] / 2, **geometry
             )
-    data = _dataset(rows, order, values, groups, "obs" if varying.any() else "test")
-    for place, what, dimension, of_test, test in defects_of(data):
-        if test not in rows.failed:
-            problems.add(place, what, dimension, of_test)
-    problems.stop()
-    check_inflation_data(data)
+    data = dataset_of(rows, order, values, groups, "obs" if varying.any() else "test")
+    refuse_defects(data, rows)
     rows.doubt_overlooked("axial_stretch", axial_stretch)
     rows.doubt_overlooked("opening_angle", given["opening_angle"])
     check_plausible(data, problems)
@@ -224,12 +220,21 @@ def _internal(values: np.ndarray, name: str, units: Mapping[str, str]) -> np.nda
     return to_internal(values, units[dimension], dimension)
 
 
-def _dataset(
+def refuse_defects(data: xr.Dataset, rows: Rows) -> None:
+    """Raise with all unsound values of a Dataset, except in tests with an error already."""
+    for place, what, dimension, of_test, test in defects_of(data):
+        if test not in rows.failed:
+            rows.problems.add(place, what, dimension, of_test)
+    rows.problems.stop()
+    check_inflation_data(data)
+
+
+def dataset_of(
     rows: Rows,
     order: np.ndarray,
     values: dict[str, np.ndarray],
     groups: np.ndarray,
-    stretch_dimension: str,
+    stretch_dimension: str = "test",
 ) -> xr.Dataset:
     """Values and labels, each on its dimension."""
     row = plain_array(rows.frame.index[order].tolist())

@@ -19,7 +19,13 @@ SCRIPT = Path(__file__).parents[2] / "docs" / "simulate_sheep_aorta.py"
 simulate_sheep_aorta = module_from_spec(spec_from_file_location(SCRIPT.stem, SCRIPT))
 simulate_sheep_aorta.__spec__.loader.exec_module(simulate_sheep_aorta)
 
-NAMES = ["murine_pulmonary_artery", "simulated_sheep_aorta"]
+NAMES = [
+    "human_myocardium",
+    "murine_pulmonary_artery",
+    "porcine_skin",
+    "simulated_sheep_aorta",
+    "treloar_rubber",
+]
 
 # The published outer diameters (µm) at 0, 5, ..., 50 mmHg, and the wall areas (µm²).
 OUTER_DIAMETER = {
@@ -88,3 +94,59 @@ def test_murine_data_equal_published_diameters_and_wall_areas(group):
     tube = [data[name].item() for name in GEOMETRY]
     expected = [radius[0] / 1e3, diameter[0] / 2000, 1.0, 0.0]
     np.testing.assert_allclose(tube, expected, rtol=ROUNDING)
+
+
+def csv(name: str) -> pd.DataFrame:
+    return pd.read_csv(str(files("pymc_hyperelastic.data.datasets") / f"{name}.csv"), comment="#")
+
+
+def test_rubber_has_treloars_three_tests_of_nominal_stress():
+    data, frame = load_dataset("treloar_rubber"), csv("treloar_rubber")
+    assert np.bincount(data["test"]).tolist() == [24, 16, 13]
+    assert data["experiment"].values.tolist() == ["uniaxial", "equibiaxial", "pure shear"]
+    assert {*data["stress_measure"].values} == {"nominal"}
+    np.testing.assert_array_equal(data["stretch_x"], frame["stretch"])
+    np.testing.assert_allclose(data["stress_x"], 1e3 * frame["nominal_stress_MPa"], rtol=ROUNDING)
+    across = [select(data, None, name)["stretch_y"].values for name in data["experiment"].values]
+    assert np.isnan(across[0]).all() and (across[2] == 1).all()
+    np.testing.assert_array_equal(across[1], select(data, None, "equibiaxial")["stretch_x"])
+    assert np.isnan(data["stress_y"]).all()
+    # The best known numbers: a stretch of 7.6 at 6.3 MPa.
+    last = select(data, None, "uniaxial").isel(obs=-1)
+    assert (last["stretch_x"].item(), round(last["stress_x"].item())) == (7.6, 6318)
+
+
+def test_skin_has_15_points_of_each_protocol_evenly_along_the_larger_stretch():
+    data, frame = load_dataset("porcine_skin"), csv("porcine_skin")
+    assert np.bincount(data["test"]).tolist() == [15] * 5
+    assert {*data["stress_measure"].values} == {"cauchy"}
+    np.testing.assert_allclose(data["stress_y"], 1e3 * frame["cauchy_stress_y_MPa"], rtol=ROUNDING)
+    np.testing.assert_array_equal(data["stretch_x"], frame["stretch_x"])
+    ends = {"mostly y": "y", "mostly x": "x", "equibiaxial": "x", "strip x": "x", "strip y": "y"}
+    assert data["experiment"].values.tolist() == [*ends]
+    for name, axis in ends.items():
+        own = select(data, None, name)
+        along = own[f"stretch_{axis}"].values
+        even = np.linspace(1, along[-1], 15)
+        np.testing.assert_allclose(along, even, atol=0.06 * (along[-1] - 1))
+        if name.startswith("strip"):
+            assert (own[f"stretch_{'y' if axis == 'x' else 'x'}"] == 1).all()
+    assert "thinned" in data.attrs["source"] and "thinned" in data.attrs["description"]
+
+
+def test_myocardium_has_five_ratios_of_strains_with_fibres_along_x():
+    data, frame = load_dataset("human_myocardium"), csv("human_myocardium")
+    assert np.bincount(data["test"]).tolist() == [11] * 5
+    assert data["experiment"].values.tolist() == ["1:1", "1:0.75", "0.75:1", "1:0.5", "0.5:1"]
+    assert {*data["stress_measure"].values} == {"nominal"}
+    for axis, direction in (("x", "fibre"), ("y", "cross_fibre")):
+        column = frame[f"nominal_stress_{direction}_kPa"]
+        np.testing.assert_allclose(data[f"stress_{axis}"], column, rtol=ROUNDING)
+    for name in data["experiment"].values:
+        last = select(data, None, name).isel(obs=-1)
+        strains = [last[f"stretch_{axis}"].item() - 1 for axis in "xy"]
+        ratio = [float(part) for part in name.split(":")]
+        np.testing.assert_allclose(strains, [0.1 * part for part in ratio], rtol=1e-12)
+    # Fibres are stiffer along than across.
+    last = select(data, None, "1:1").isel(obs=-1)
+    assert last["stress_x"] > 1.5 * last["stress_y"]

@@ -10,15 +10,13 @@ import xarray as xr
 from tables import FORCES, SECTOR, build, by_diameter, curve, good_frame, with_diameters
 
 from pymc_hyperelastic.data.inflation import (
-    LABELS,
-    POINTS,
-    REQUIRED,
     at_points,
     check_inflation_data,
     measured_radius,
     points_of,
 )
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.data.variables import LABELS, POINTS, REQUIRED
 from pymc_hyperelastic.quantities import QUANTITIES
 
 ROUNDING = 1e-14  # a few products and quotients

@@ -1,4 +1,4 @@
-"""Inflation data that come with the package, each with its source."""
+"""Data of tubes and of sheets that come with the package, each with its source."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pymc_hyperelastic.data.sheet_table import sheet_data
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
@@ -28,8 +29,10 @@ def list_datasets() -> dict[str, str]:
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> sorted(ph.list_datasets())
-    ['murine_pulmonary_artery', 'simulated_sheep_aorta']
+    >>> [*ph.list_datasets()][:3]
+    ['simulated_sheep_aorta', 'murine_pulmonary_artery', 'treloar_rubber']
+    >>> ph.list_datasets()["treloar_rubber"]
+    'Measured tests of rubber sheets: uniaxial, equibiaxial and pure shear.'
     """
     return {name: shipped.description for name, shipped in _SHIPPED.items()}
 
@@ -45,8 +48,9 @@ def load_dataset(name: str) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Inflation data (mm, kPa), see :func:`pymc_hyperelastic.inflation_data`, with the
-        attributes ``title``, ``description``, ``source`` and ``simulated`` (1 or 0).
+        Data of tubes (mm, kPa), see :func:`pymc_hyperelastic.inflation_data`, or of sheets (kPa),
+        see :func:`pymc_hyperelastic.sheet_data`, with the attributes ``title``, ``description``,
+        ``source`` and ``simulated`` (1 or 0).
 
     Raises
     ------
@@ -55,7 +59,7 @@ def load_dataset(name: str) -> xr.Dataset:
 
     See Also
     --------
-    list_datasets, read_tests
+    list_datasets, read_tests, combine_tests
 
     Examples
     --------
@@ -63,6 +67,9 @@ def load_dataset(name: str) -> xr.Dataset:
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> data.attrs["title"], data.attrs["simulated"]
     ('SIMULATED sheep aorta', 1)
+    >>> rubber = ph.load_dataset("treloar_rubber")
+    >>> rubber["experiment"].values.tolist(), rubber["stress_measure"].values[0].item()
+    (['uniaxial', 'equibiaxial', 'pure shear'], 'nominal')
     """
     if name not in _SHIPPED:
         names = ", ".join(repr(known) for known in _SHIPPED)
@@ -104,6 +111,23 @@ def _murine_pulmonary_artery(frame: pd.DataFrame) -> xr.Dataset:
     )
 
 
+def _treloar_rubber(frame: pd.DataFrame) -> xr.Dataset:
+    frame = frame.rename(columns={"nominal_stress_MPa": "stress"})
+    return sheet_data(frame, stress="nominal", kind="experiment", stress_unit="MPa")
+
+
+def _porcine_skin(frame: pd.DataFrame) -> xr.Dataset:
+    names = {f"cauchy_stress_{axis}_MPa": f"stress_{axis}" for axis in "xy"}
+    return sheet_data(frame.rename(columns=names), stress="cauchy", stress_unit="MPa")
+
+
+def _human_myocardium(frame: pd.DataFrame) -> xr.Dataset:
+    axes = {"x": "fibre", "y": "cross_fibre"}
+    names = {f"stretch_{direction}": f"stretch_{axis}" for axis, direction in axes.items()}
+    names |= {f"nominal_stress_{of}_kPa": f"stress_{axis}" for axis, of in axes.items()}
+    return sheet_data(frame.rename(columns=names), stress="nominal")
+
+
 @dataclass(frozen=True)
 class _Shipped:
     title: str
@@ -135,5 +159,41 @@ _SHIPPED = {
         ),
         simulated=False,
         build=_murine_pulmonary_artery,
+    ),
+    "treloar_rubber": _Shipped(
+        title="Treloar's rubber",
+        description="Measured tests of rubber sheets: uniaxial, equibiaxial and pure shear.",
+        source=(
+            "L. R. G. Treloar, Stress-strain data for vulcanised rubber under various types of "
+            "deformation, Transactions of the Faraday Society 40 (1944) 59-70."
+        ),
+        simulated=False,
+        build=_treloar_rubber,
+    ),
+    "porcine_skin": _Shipped(
+        title="Porcine skin",
+        description=("Measured biaxial tests of a specimen of porcine skin, 5 protocols, thinned."),
+        source=(
+            "V. Tac, F. Sahli Costabal and A. Buganza Tepole, Data-driven tissue mechanics with "
+            "polyconvex neural ordinary differential equations, Computer Methods in Applied "
+            "Mechanics and Engineering 398 (2022) 115248, as in LivingMatterLab/CANN; thinned to "
+            "15 of 72 to 101 points a protocol."
+        ),
+        simulated=False,
+        build=_porcine_skin,
+    ),
+    "human_myocardium": _Shipped(
+        title="Human ventricular myocardium",
+        description=(
+            "Measured biaxial tests of human myocardium, 5 ratios of strains: mean curves."
+        ),
+        source=(
+            "G. Sommer, A. J. Schriefl, M. Andrä, M. Sacherer, C. Viertler, H. Wolinski and G. A. "
+            "Holzapfel, Biomechanical properties and microstructure of human ventricular "
+            "myocardium, Acta Biomaterialia 24 (2015) 172-192, as tabulated with "
+            "LivingMatterLab/CANN."
+        ),
+        simulated=False,
+        build=_human_myocardium,
     ),
 }
