@@ -44,6 +44,7 @@ from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.inflation import (
     criscione_model,
     inflation_model,
+    material_model,
     ogden_model,
     power_law_neo_hookean_model,
 )
@@ -105,6 +106,7 @@ __all__ = [
     "balanced_slope_weight",
     "inflation_likelihood",
     "inflation_model",
+    "material_model",
     "power_law_neo_hookean_model",
     "ogden_model",
     "criscione_model",

@@ -1,4 +1,4 @@
-"""PyMC models of tubes whose tests share one set of material parameters."""
+"""PyMC models of tubes and sheets whose tests share one set of material parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -44,6 +44,78 @@ _LEAST_SHARE = 0.05
 
 
 @one_thread
+def material_model(
+    energy: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    likelihood: Likelihood | Any,
+    *,
+    priors: dict[str, Any] | None = None,
+    rising: bool = False,
+    mode: Mode = "auto",
+    name: str = "",
+) -> pm.Model:
+    r"""PyMC model of tests of tubes, of sheets, or of both, with one set of material parameters.
+
+    The log likelihood is the sum over the tests of both kinds. For sheets with the model's stresses
+    ``σ`` under the measured stretches, along the axes ``j`` in which a stress was measured,
+
+    .. math:: σ^{\text{meas}}_{ij} \sim N(σ_j(λ_{x,i}, λ_{y,i}), s_σ^2) .
+
+    The x axis takes the place of the hoop direction of a tube, and the y axis that of its axial
+    direction: a strip that was cut along the hoop direction is pulled along x.
+
+    The model holds one random variable for each parameter. For sheets it holds the deterministics
+    ``stress_x`` and ``stress_y``, for tubes those of :func:`inflation_model`. Their dimension is
+    ``obs``, or ``sheet_obs`` and ``tube_obs`` if the data hold both kinds.
+
+    Parameters
+    ----------
+    energy : StrainEnergy or list of Layer
+        The material; layers only for tubes.
+    data : xarray.Dataset
+        Tests of :func:`pymc_hyperelastic.inflation_data`, :func:`pymc_hyperelastic.sheet_data`, or
+        both, see :func:`pymc_hyperelastic.combine_tests`.
+    likelihood : Gaussian, SlopeAugmented, float or distribution
+        The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian`: sheets
+        need ``stress_sd``, tubes ``pressure_sd``.
+    priors, rising, mode, name
+        See :func:`inflation_model`. Measures of a tube and `rising` are for tubes.
+
+    Returns
+    -------
+    pymc.Model
+        With the dimensions ``obs`` (points), ``test`` and ``specimen``.
+
+    Raises
+    ------
+    TypeError
+        If the strain energy, the data, the likelihood or a prior is not one.
+    ValueError
+        See :func:`inflation_model`; and if the likelihood does not state the errors of the kinds of
+        tests that the data hold.
+
+    See Also
+    --------
+    inflation_model, sheet_data, sample_smc
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("treloar_rubber"), experiment="uniaxial")
+    >>> model = ph.material_model(ph.Yeoh(), data, ph.Gaussian(stress_sd=50.0))
+    >>> [rv.name for rv in model.free_RVs]
+    ['c10', 'c20', 'c30']
+    """
+    context = pm.Model.get_context(error_if_none=False)
+    if name and context is None:
+        raise ValueError(
+            f"name is {name!r}, a prefix in the model of the context, but no model is in context: "
+            "make this one inside `with pm.Model():`, or leave the name away"
+        )
+    settings: dict[str, Any] = {"priors": priors, "rising": rising, "mode": mode, "name": name}
+    return tube_model(energy, data, as_likelihood(likelihood), parent=context, **settings)
+
+
 def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
@@ -55,6 +127,8 @@ def inflation_model(
     name: str = "",
 ) -> pm.Model:
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
+
+    It is :func:`material_model` for tests of tubes.
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
     ``stiffness`` (with measured forces also ``axial_force``, with an unknown tube also ``radius``)
@@ -115,7 +189,7 @@ def inflation_model(
 
     See Also
     --------
-    population_model, sample_smc
+    material_model, population_model, sample_smc
 
     Examples
     --------
@@ -136,14 +210,8 @@ def inflation_model(
     >>> [rv.name for rv in both.free_RVs]
     ['alpha', 'C1::mu', 'C2::mu']
     """
-    context = pm.Model.get_context(error_if_none=False)
-    if name and context is None:
-        raise ValueError(
-            f"name is {name!r}, a prefix in the model of the context, but no model is in context: "
-            "make this one inside `with pm.Model():`, or leave the name away"
-        )
     settings: dict[str, Any] = {"priors": priors, "rising": rising, "mode": mode, "name": name}
-    return tube_model(energy, data, as_likelihood(likelihood), parent=context, **settings)
+    return material_model(energy, data, likelihood, **settings)
 
 
 @without_traces

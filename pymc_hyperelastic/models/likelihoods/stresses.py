@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.models.forward import SymbolicSheets
-from pymc_hyperelastic.models.forward.tube_variables import Arrays
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.likelihoods.signals import (
     LARGEST,
@@ -125,10 +124,10 @@ def _inputs(sheets: SymbolicSheets) -> dict[str, Any]:
     return sheets.forward.share("measured stresses", _rows)
 
 
-def _rows(data: xr.Dataset) -> Arrays:
+def _rows(data: xr.Dataset) -> dict[str, NDArray]:
     """Return the points at which each stress was measured."""
     x, y = (np.isfinite(data[name].values.astype(float)) for name in STRESSES)
-    rows: Arrays = {"x_rows": np.flatnonzero(x), "y_rows": np.flatnonzero(y)}
+    rows: dict[str, NDArray] = {"x_rows": np.flatnonzero(x), "y_rows": np.flatnonzero(y)}
     # Place of each point among those with a stress along x; behind all others without one.
     place = np.where(x, np.cumsum(x) - 1, x.sum())
     return rows | {"x_measured": x.astype(float), "x_place": place}
