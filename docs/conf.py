@@ -61,7 +61,7 @@ numpydoc_show_class_members = False
 # Names in types of parameters link to their pages. links.toml lists the addresses for other
 # packages, so that a build needs no network.
 LINKS = tomllib.loads(Path(__file__).with_name("links.toml").read_text(encoding="utf-8"))
-# Alternative texts of the stored figures.
+# Alternative texts and captions of the stored figures.
 STORED_ALT = tomllib.loads(
     Path(__file__).with_name("stored_figures.toml").read_text(encoding="utf-8")
 )
@@ -94,7 +94,8 @@ sphinx_gallery_conf = {
 # Formulas: a script of this site converts their LaTeX to MathML in the browser.
 mathjax_path = "math.js"
 myst_update_mathjax = False
-html_js_files = [("temml/temml.min.js", {"defer": "defer"}), ("names.js", {"defer": "defer"})]
+scripts = ("temml/temml.min.js", "names.js", "figures.js")
+html_js_files = [(script, {"defer": "defer"}) for script in scripts]
 
 html_theme = "pydata_sphinx_theme"
 html_title = project
@@ -230,9 +231,12 @@ def show_stored(app, page, source) -> None:
         ]
         lines += [f"   {line}" for line in printed] + [""]
         for figure in sorted(stored.glob("*.png")):
+            caption = STORED_ALT["captions"].get(stored.name, {}).get(figure.stem, "")
             lines += [
-                f".. image:: /stored/{stored.name}/{figure.name}",
+                f".. figure:: /stored/{stored.name}/{figure.name}",
                 f"   :alt: {STORED_ALT[stored.name][figure.stem]}",
+                "",
+                f"   {caption}",
                 "",
             ]
         text, end, rest = source[0].rpartition("\n.. _sphx_glr_download_")

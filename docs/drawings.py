@@ -56,6 +56,10 @@ def draw_law(name: str) -> plt.Figure:
             values = curve(getattr(ph, name)(), radius, tube, **material).eval()
             ax.plot(radius, values / units[label], label=f"axial stretch {stretch}")
         ax.set(xlabel="internal radius (mm)", ylabel=label)
+        if not any(line.get_ydata().any() for line in ax.lines):
+            words = "this energy does not\ndetermine the axial force"
+            ax.text(0.5, 0.7, words, ha="center", transform=ax.transAxes)
+            ax.set_yticks([0])
     axes[0].legend(frameon=False)
     return figure
 

@@ -214,7 +214,7 @@ def draw_evidence(model):
     """Draw the three steps and their results; return the material of the mode with α > 0."""
     rng, target = np.random.default_rng(SEED), Target(model)
     prior = target.draw_prior(PARTICLES, rng)
-    figure, axes = panels(2.2, 2.2, 2.2, 1.7)
+    figure, axes = panels(2.5, 2.2, 2.5, 1.7)
     modes = draw_search(axes[0], target, prior)
     rows = {"step 2": draw_weights(axes[1], target, modes, rng)}
     rows["step 3"] = draw_stages(axes[2], target, prior, rng)
@@ -222,7 +222,8 @@ def draw_evidence(model):
     for ax in axes[:3]:
         ax.set(xlim=PRIOR["alpha"], ylim=PRIOR["mu"], xlabel="α", ylabel="μ (kPa)")
     for ax in (axes[0], axes[2]):
-        ax.legend(loc="lower center", handlelength=0.8, borderpad=0.3, framealpha=0.9)
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.26), "ncols": 3}
+        ax.legend(**below, handlelength=0.8, columnspacing=1.2, frameon=False)
     save(figure, "how_evidence")
     mu, alpha = natural(modes.means)
     return {"mu": float(mu[0]), "alpha": float(abs(alpha[0]))}

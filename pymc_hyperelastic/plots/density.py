@@ -237,13 +237,17 @@ def _axis_label(tree: xr.DataTree, name: str) -> str:
 
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
-    """Lower and upper ends of uniform priors; infinite for other priors, but 0 for a spread."""
+    """Lower and upper ends of uniform priors; infinite for other priors.
+
+    The lower end of a spread is 0, and so is that of a modulus if all draws are positive.
+    """
     settings = model_settings_of(tree)
     priors = (settings.priors if settings else None) or {}
-    ends = []
+    units, draws, ends = read_json(tree, "units", {}), _scalars(tree), []
     for name in names:
         kind, of_prior = priors.get(name, ["", []])[:2]
-        least = 0.0 if name.startswith("spread[") else -np.inf
+        is_modulus = units.get(name) == "kPa" and bool((draws[name] > 0).all())
+        least = 0.0 if is_modulus or name.startswith("spread[") else -np.inf
         ends.append(of_prior if kind == "Uniform" else [least, np.inf])
     return np.transpose(ends)
 

@@ -32,6 +32,7 @@ from pymc_hyperelastic.plots.style import (
     Canvas,
     Visuals,
     Wishes,
+    few_ticks,
     fitted_classes,
     law_of,
     literal,
@@ -295,6 +296,8 @@ def _limit(canvas: Canvas, figure: FitFigure) -> dict[str, dict[str, Any]]:
         own = variables.sel(panel, drop=True)
         canvas.adjust("set_xlim", data=own, coords=panel, limits=x.of(panel))
         canvas.adjust("set_ylim", data=own[[signal]], coords=panel, limits=y.of(panel))
+    if len(figure.specimens) > 1:
+        canvas.adjust(few_ticks, intervals=4)
     if figure.has_residuals:
         reach = reach_of_residuals(figure)
         canvas.adjust("set_ylim", data=figure.points[[RESIDUAL]], limits=(-reach, reach))

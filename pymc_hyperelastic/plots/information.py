@@ -35,8 +35,8 @@ def plot_information(
     """Plot the expected information of planned tests, the largest on top.
 
     On the left stands the expected information of each design; where it is about the class, a grey
-    line is the entropy of the class, the largest information possible. On the right stands how much
-    less it is than that of the first design. The error of this difference is smaller than those of
+    line is the entropy of the class, the largest information possible. On the right stands its
+    difference from that of the first design. The error of this difference is smaller than those of
     both, since the same specimens were tested in all designs. Lines are two standard errors to each
     side.
 

@@ -36,7 +36,7 @@ LABELS |= {
     "log_evidence": ("log evidence less the largest", "nats"),
     "p_value": ("p-value", None),
     "information": ("expected information", "nats"),
-    "difference": ("less than the first", "nats"),
+    "difference": ("difference from the first", "nats"),
     # Labels by which curves differ.
     "group": ("group", None),
     "class_label": ("class", None),

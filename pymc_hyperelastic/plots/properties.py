@@ -190,7 +190,8 @@ def plot_wall_stress(
         Those of :func:`~pymc_hyperelastic.plot_elastic_properties`. Each pressure has a colour.
         Stresses are in kPa.
     points : int or array_like, default 21
-        Circles in the wall, see :func:`~pymc_hyperelastic.wall_stress`.
+        Circles in the wall, see :func:`~pymc_hyperelastic.wall_stress`. A jump between two layers
+        looks like a slope if there are few: give 200.
     backend, visuals, **pc_kwargs
         See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
         ``extrapolated``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``.

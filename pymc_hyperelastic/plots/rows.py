@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.plots.labels import axis_label
-from pymc_hyperelastic.plots.style import Canvas, Wishes, literal, set_yticks, stacked
+from pymc_hyperelastic.plots.style import Canvas, Wishes, few_ticks, literal, set_yticks, stacked
 
 _MARGIN = 0.6  # from the first and the last row to the ends of the axis, in rows
 
@@ -26,6 +26,7 @@ def row_panels(
     canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
     panels = [str(name) for name in data["panel"].values]
     row_ticks(canvas, labels, coords={"panel": panels[0]})
+    canvas.adjust(few_ticks, intervals=5)
     for panel in panels:
         canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
     return canvas

@@ -44,7 +44,9 @@ _LEGEND_WIDTH = 60
 LOG_FROM = 10.0
 # Steps of the ticks of a logarithmic axis in each decade, from wide to narrow.
 _STEPS = [1], [1, 2, 5], [1, 1.5, 2, 3, 4, 5, 6, 8], np.arange(1, 10, 0.1), np.arange(1, 10, 0.02)
-# Ticks of such an axis.
+# Steps of the ticks of a narrow axis: those of 0.25 would have numbers that are longer.
+_SHORT_STEPS = [1, 2, 5, 10]
+# Ticks of a logarithmic axis.
 _FEWEST_TICKS, _MOST_TICKS = 3, 7
 # Errors of probabilities below this are not printed: three decimals do not show them.
 _LEAST_ERROR = 0.0005
@@ -216,6 +218,14 @@ def ticks_on_the_right(da: xr.DataArray, target: Any) -> None:
     """Move the ticks of a vertical axis to the right of its panel."""
     if hasattr(target, "yaxis"):
         target.yaxis.tick_right()
+
+
+def few_ticks(da: xr.DataArray, target: Any, *, intervals: int) -> None:
+    """Divide a horizontal axis into few intervals, so that the numbers do not touch."""
+    if hasattr(target, "xaxis"):
+        from matplotlib.ticker import MaxNLocator
+
+        target.xaxis.set_major_locator(MaxNLocator(intervals, steps=_SHORT_STEPS))
 
 
 def log_axis(

@@ -68,7 +68,8 @@ def show_cross_validation(result: xr.Dataset, page: Page) -> None:
                 f"Reliability of class probabilities, {law}",
                 plot_reliability,
                 scored.sel(forecast=["most probable class"]),
-                note=f"The mean Brier score is {short(float(scored['mean_brier_score']))}.",
+                note="ECE, the expected calibration error, is the mean distance from the diagonal. "
+                f"The mean Brier score is {short(float(scored['mean_brier_score']))}.",
             )
     table = result.copy()
     table["verdict"] = table["verdict"].where(table["verdict"] != "", "unknown")

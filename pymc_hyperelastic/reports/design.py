@@ -51,7 +51,10 @@ def show_designs(result: xr.Dataset, page: Page) -> None:
         "the classes and measured in each of the tests."
     )
     what = f"Expected information of planned tests about the {about} of a new specimen"
-    page.figure(what, plot_information, result, note="Lines: ± two standard errors.")
+    note = "Lines: ± two standard errors."
+    if about == "class":
+        note += " Grey line on the left: the largest possible information."
+    page.figure(what, plot_information, result, note=note)
     names = "design tests information difference change_by_half"
     note = (
         "One nat of information is worth as much as narrowing a range of equally probable values "

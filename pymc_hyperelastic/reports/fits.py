@@ -90,8 +90,11 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         )
     of_classes = [signals_of(tree) for tree in classes.values()]
     for signal in dict.fromkeys(signal for signals in of_classes for signal in signals):
+        what = _SIGNALS[signal]
+        if any("outer_diameter" in inflation_data_of(tree) for tree in classes.values()):
+            what = what.replace("radius", "outer diameter")
         page.figure(
-            f"Fit of the {_SIGNALS[signal]}",
+            f"Fit of the {what}",
             plot_fit,
             result,
             note=note,

@@ -1,5 +1,7 @@
 """Results made by hand for figures, and the elements that a figure holds."""
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -137,3 +139,12 @@ def texts(figure, function):
 
 def legend_texts(figure):
     return [t.get_text() for n in figure.get_viz("figure").legends for t in n.get_texts()]
+
+
+def numbers_touch(axes):
+    """Return True if two numbers of a horizontal axis touch."""
+    axes.figure.canvas.draw()
+    low, high = axes.get_xlim()
+    shown = [n for n in axes.get_xticklabels() if low <= n.get_position()[0] <= high]
+    boxes = [label.get_window_extent() for label in shown]
+    return any(left.x1 >= right.x0 for left, right in pairwise(boxes))

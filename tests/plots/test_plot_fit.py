@@ -16,6 +16,7 @@ from figures import (
     elements,
     fitted,
     legend_texts,
+    numbers_touch,
     straight_lines,
     texts,
 )
@@ -221,6 +222,14 @@ def test_axes_are_shared_unless_a_panel_would_be_narrow():
     # Numbers stand at each axis that is not shared.
     for axes in apart.get_viz("figure").axes:
         assert axes.xaxis.get_ticklabels()[0].get_visible()
+
+
+def test_numbers_below_narrow_panels_do_not_touch():
+    data = straight_lines(4)
+    # The radii of a stiff tube hardly differ, and their numbers have many digits.
+    data["radius"] = 7.0755 + (data["radius"] - 7.1) / 220
+    figure = ph.plot_fit(fitted(data))
+    assert not any(numbers_touch(axes) for axes in figure.get_viz("figure").axes)
 
 
 @pytest.mark.parametrize(

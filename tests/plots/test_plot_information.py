@@ -3,6 +3,7 @@
 import fits
 import numpy as np
 import pytest
+from figures import numbers_touch
 
 import pymc_hyperelastic as ph
 
@@ -36,3 +37,11 @@ def test_information_about_a_quantity_has_no_upper_limit(result):
     figure = ph.plot_information(result.assign_attrs(about="mu"), backend="none")
     assert figure.get_viz("all", panel="information") is None
     assert "information about its mu" in figure.get_viz("figure_title")["string"]
+
+
+def test_numbers_of_small_differences_do_not_touch(result):
+    small = result.assign(difference=0.0 * result["difference"] - [0.0, 0.04])
+    small["difference_se"] = 0.0 * small["difference_se"] + [0.0, 0.035]
+    axes = ph.plot_information(small).get_viz("plot", panel="difference")
+    assert len(axes.get_xticks()) > 1
+    assert not numbers_touch(axes)

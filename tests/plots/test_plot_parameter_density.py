@@ -1,5 +1,7 @@
 """plot_parameter_density: regions, modes and axes."""
 
+import json
+
 import numpy as np
 from figures import SEED, hierarchical_class, legend_texts
 
@@ -60,6 +62,17 @@ def test_regions_end_at_the_limit_of_a_uniform_prior(classes):
     area = figure.viz["area"]["log_density"].sel(y_part=0, x_part=0).values.ravel()[0]
     top = max(path.vertices[:, 1].max() for path in area.get_paths())
     assert 39.9 < top <= 40
+
+
+def test_regions_of_a_modulus_without_a_known_prior_end_at_0(classes):
+    tree = classes["C1"].copy(deep=True)
+    pile = np.random.default_rng(SEED).exponential(1.0, size=(2, 500))
+    tree["posterior"] = tree["posterior"].to_dataset().assign(stiffness=(("chain", "draw"), pile))
+    tree.attrs["units"] = json.dumps({"stiffness": "kPa"})
+    figure = ph.plot_parameter_density(tree, var_names=["mu", "stiffness"])
+    area = figure.viz["area"]["log_density"].sel(y_part=0, x_part=0).values.ravel()[0]
+    bottom = min(path.vertices[:, 1].min() for path in area.get_paths())
+    assert 0 <= bottom < 0.1
 
 
 def test_dashed_line_contains_its_share_of_new_specimens():

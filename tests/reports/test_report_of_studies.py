@@ -181,6 +181,10 @@ def test_report_counts_extension_tests_and_says_if_forces_were_used(write):
         *page.figures
     }
     assert "Fit of the axial force: Model" not in page.figures  # the likelihood has none
+    outer = data.assign(outer_diameter=2 * data["radius"] + 1.0)
+    page = write({"Model": fitted_class(outer, "NeoHookean", 20)}, **AT)
+    assert "Fit of the outer diameter in extension tests: Model" in page.figures
+    page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
     assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     left_out = "Axial forces were measured too. The likelihood does not include them."
