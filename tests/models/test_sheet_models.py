@@ -1,0 +1,253 @@
+"""Models of sheets alone, and of sheets and tubes together."""
+
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+import xarray as xr
+from scipy import stats
+from scipy.special import logsumexp
+
+import pymc_hyperelastic as ph
+
+LAW = ph.HolzapfelGasserOgden()
+TISSUE = {"c": 10.0, "k1": 20.0, "k2": 1.0, "beta": 35.0}
+# Directions that are pulled, by kind of test: stretches along x and y, None where it is free.
+KINDS = {
+    "uniaxial_x": lambda stretch: (stretch, None),
+    "uniaxial_y": lambda stretch: (None, stretch),
+    "equibiaxial": lambda stretch: (stretch, stretch),
+    "pure_shear": lambda stretch: (stretch, np.ones_like(stretch)),
+    "biaxial": lambda stretch: (stretch, stretch**0.5),
+}
+NOISE = 2.0  # kPa
+TUBE = ph.Tube(1.0, 1.3, axial_stretch=1.2)
+
+
+def stresses(law, kind, stretch, parameters, nominal=False):
+    """Return stresses along x and y; NaN in a free direction."""
+    given = KINDS[kind](stretch)
+    found = ph.sheet_stress(law, *given, nominal=nominal, **parameters)
+    return [
+        np.full_like(stretch, np.nan) if pulled is None else stress.eval()
+        for pulled, stress in zip(given, found, strict=True)
+    ]
+
+
+def sheets(
+    law, parameters, kinds=tuple(KINDS), *, stress="cauchy", specimen="S1", seed=1, points=6
+):
+    """Return tests of a sheet of all kinds, with independent errors of its stresses."""
+    rng, stretch, rows = np.random.default_rng(seed), np.linspace(1.05, 1.3, points), []
+    for kind in kinds:
+        x, y = KINDS[kind](stretch)
+        of_x, of_y = stresses(law, kind, stretch, parameters, stress == "nominal")
+        frame = pd.DataFrame(
+            {
+                "stretch_x": np.nan if x is None else x,
+                "stretch_y": np.nan if y is None else y,
+                "stress_x": of_x + NOISE * rng.standard_normal(points),
+                "stress_y": of_y + NOISE * rng.standard_normal(points),
+            }
+        )
+        rows.append(frame.assign(specimen=specimen, experiment=kind))
+    return ph.sheet_data(pd.concat(rows, ignore_index=True), stress=stress, check="ignore")
+
+
+def tubes(law, parameters, *, specimen="S1", seed=1, points=6, noise=0.3):
+    """Return an inflation test of a tube with independent errors of its pressures, kPa."""
+    radius = np.linspace(1.05, 1.4, points)
+    pressure = ph.inflation_pressure(law, radius, TUBE, **parameters).eval()
+    pressure = pressure + noise * np.random.default_rng(seed).standard_normal(points)
+    frame = {"specimen": specimen, "experiment": "tube", "radius": radius, "pressure": pressure}
+    return ph.inflation_data(pd.DataFrame(frame), TUBE, check="ignore")
+
+
+def log_density_at(model, values):
+    """Return the log density of the data of a model at parameters, by the model itself."""
+    inputs = {model[name]: np.asarray(value, float) for name, value in values.items()}
+    potentials = sum(float(p.eval(inputs)) for p in model.potentials)
+    if not model.observed_RVs:
+        return potentials
+    point = {
+        model.rvs_to_values[model[name]].name: model.rvs_to_transforms[model[name]]
+        .forward(np.asarray(value, float), *model[name].owner.inputs)
+        .eval()
+        for name, value in values.items()
+    }
+    return float(model.compile_logp(vars=model.observed_RVs)(point))
+
+
+@pytest.mark.parametrize("stress", ["cauchy", "nominal"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_log_likelihood_is_the_normal_density_of_the_measured_stresses(kind, stress):
+    """Each measured stress has an independent normal error, also of an anisotropic sheet."""
+    data = sheets(LAW, TISSUE, [kind], stress=stress)
+    model = ph.material_model(LAW, data, ph.Gaussian(stress_sd=NOISE))
+    parameters = TISSUE | {"c": 12.0, "beta": 30.0}
+    stretch = np.linspace(1.05, 1.3, 6)
+    expected = stresses(LAW, kind, stretch, parameters, stress == "nominal")
+    measured = data["stress_x"].values, data["stress_y"].values
+    exact = sum(
+        np.nansum(stats.norm.logpdf(y, mean, NOISE))
+        for y, mean in zip(measured, expected, strict=True)
+    )
+    assert log_density_at(model, parameters) == pytest.approx(exact, rel=1e-10)
+
+
+def test_an_error_of_stretches_shifts_both_stresses_along_the_curves():
+    """The covariance of a point is that of the finite differences of its stresses."""
+    data, stretch_sd = sheets(LAW, TISSUE, ["uniaxial_x", "biaxial"], points=3), 0.01
+    likelihood = ph.Gaussian(stress_sd=NOISE, stretch_sd=stretch_sd)
+    exact, step = 0.0, 1e-6
+    for i in range(data.sizes["obs"]):
+        point = data.isel(obs=i)
+        given = [float(point[f"stretch_{axis}"]) for axis in "xy"]
+        given = [None if np.isnan(value) else value for value in given]
+        measured = np.array([float(point["stress_x"]), float(point["stress_y"])])
+        there = np.isfinite(measured)
+
+        def both(change, given=given):
+            moved = [None if g is None else g + c for g, c in zip(given, change, strict=True)]
+            return np.array([float(s.eval()) for s in ph.sheet_stress(LAW, *moved, **TISSUE)])
+
+        slopes = [(both(step * e) - both(-step * e)) / (2 * step) for e in np.eye(2)]
+        covariance = NOISE**2 * np.eye(2) + stretch_sd**2 * sum(np.outer(j, j) for j in slopes)
+        own = stats.multivariate_normal(both((0.0, 0.0))[there], covariance[there][:, there])
+        exact += own.logpdf(measured[there])
+    for observed in (False, True):
+        declared = ph.Gaussian(stress_sd=NOISE, stretch_sd=stretch_sd, observed=observed)
+        model = ph.material_model(LAW, data, declared)
+        assert log_density_at(model, TISSUE) == pytest.approx(exact, rel=1e-6)
+    assert likelihood.in_words == "Gaussian: stress_sd = 2 kPa, stretch_sd = 0.01"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_evidence_of_a_linear_law_equals_its_closed_form(kind):
+    """Stresses are linear in the modulus: its evidence is a multivariate normal density."""
+    law, mean, sd = ph.NeoHookean(), 30.0, 3.0
+    data = sheets(law, {"mu": 28.0}, [kind])
+    prior = {"mu": pm.Normal.dist(mean, sd)}
+    model = ph.material_model(law, data, ph.Gaussian(stress_sd=NOISE), priors=prior)
+    result = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    of_one = np.concatenate(stresses(law, kind, np.linspace(1.05, 1.3, 6), {"mu": 1.0}))
+    measured = np.concatenate([data["stress_x"].values, data["stress_y"].values])
+    there = np.isfinite(measured)
+    gain = of_one[there]
+    covariance = NOISE**2 * np.eye(gain.size) + sd**2 * np.outer(gain, gain)
+    exact = stats.multivariate_normal(mean * gain, covariance).logpdf(measured[there])
+    value, error = ph.log_evidence(result)
+    assert abs(value - exact) < max(4 * error, 0.02)
+
+
+def joint_data():
+    """Return a tube and a strip of one specimen."""
+    parameters = {"mu": 20.0, "alpha": 6.0}
+    strip = sheets(ph.Ogden(), parameters, ["uniaxial_x", "equibiaxial"])
+    return ph.combine_tests(tubes(ph.Ogden(), parameters), strip)
+
+
+JOINT = ph.Gaussian(pressure_sd=0.3, stress_sd=NOISE)
+PRIORS = {"mu": pm.Uniform.dist(5, 50), "alpha": pm.Uniform.dist(2, 12)}
+
+
+def test_joint_likelihood_is_the_sum_of_both_kinds():
+    """Tests of tubes and of sheets share parameters and nothing else, in any order."""
+    both, values = joint_data(), {"mu": 22.0, "alpha": 5.5}
+    alone = [
+        ph.select(both, experiment=names) for names in (["tube"], ["uniaxial_x", "equibiaxial"])
+    ]
+    parts = [
+        log_density_at(ph.material_model(ph.Ogden(), data, error, priors=PRIORS), values)
+        for data, error in zip(
+            (ph.combine_tests(tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0})), alone[1]),
+            (ph.Gaussian(0.3), ph.Gaussian(stress_sd=NOISE)),
+            strict=True,
+        )
+    ]
+    for order in (both, ph.combine_tests(alone[1], alone[0])):
+        for observed in (False, True):
+            likelihood = ph.Gaussian(pressure_sd=0.3, stress_sd=NOISE, observed=observed)
+            model = ph.material_model(ph.Ogden(), order, likelihood, priors=PRIORS)
+            assert log_density_at(model, values) == pytest.approx(sum(parts), rel=1e-10)
+
+
+def test_joint_evidence_equals_quadrature_of_two_parameters():
+    """The evidence of a joint model is the integral of its likelihood over the prior."""
+    data = joint_data()
+    model = ph.material_model(ph.Ogden(), data, JOINT, priors=PRIORS)
+    node, weight = np.polynomial.legendre.leggauss(80)
+    mu, alpha = 20 + 6 * node, 6 + 1.5 * node  # the likelihood is nil elsewhere
+    density = model.compile_fn(model.potentials[0], inputs=[model["mu"], model["alpha"]])
+    logs = np.array([[density({"mu": a, "alpha": b}) for b in alpha] for a in mu])
+    weights = np.log(np.outer(6 * weight / 45, 1.5 * weight / 10))
+    exact = logsumexp(logs + weights)
+    result = ph.sample_smc(model, draws=1000, chains=2, random_seed=1, progressbar=False)
+    value, error = ph.log_evidence(result)
+    assert abs(value - exact) < max(4 * error, 0.02)
+    sizes = result["posterior"].sizes
+    assert (sizes["tube_obs"], sizes["sheet_obs"]) == (6, 12)
+
+
+def test_joint_result_is_read_from_its_file(tmp_path):
+    """The data of a joint result, its model and its checks survive a file."""
+    data = joint_data()
+    model = ph.material_model(ph.Ogden(), data, JOINT, priors=PRIORS)
+    result = ph.sample_smc(model, draws=100, chains=1, random_seed=1, progressbar=False)
+    result.to_netcdf(tmp_path / "joint.nc")
+    read = ph.open_result(tmp_path / "joint.nc")
+    for group in ("observed_data", "constant_data", "posterior"):
+        xr.testing.assert_equal(read[group].to_dataset(), result[group].to_dataset())
+    assert set(read["evidence"]["signal"].values) >= {"pressure", "stress_x"}
+
+
+@pytest.mark.parametrize(
+    ("likelihood", "message"),
+    [
+        (ph.Gaussian(0.3), "the data hold tests of sheets, and the likelihood"),
+        (ph.Gaussian(stress_sd=NOISE), "the data hold tests of tubes, and the likelihood"),
+    ],
+)
+def test_joint_data_need_errors_of_both_kinds(likelihood, message):
+    """A likelihood that leaves out a kind of test is refused."""
+    with pytest.raises(ValueError, match=message):
+        ph.material_model(ph.Ogden(), joint_data(), likelihood)
+
+
+def test_errors_of_tests_that_the_data_lack_are_refused():
+    """An error of sheets is not left unused where there are none."""
+    with pytest.raises(ValueError, match=r"states the errors of tests of sheets.*hold none"):
+        ph.material_model(ph.Ogden(), tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}), JOINT)
+
+
+def test_layers_and_rising_pressures_are_for_tubes():
+    """A sheet is one material, and its stresses are no pressures."""
+    data = sheets(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}, ["equibiaxial"])
+    likelihood = ph.Gaussian(stress_sd=NOISE)
+    with pytest.raises(ValueError, match="one material"):
+        ph.material_model([ph.Layer(ph.Ogden(), 0.3)], data, likelihood)
+    with pytest.raises(ValueError, match="rising=True is about the pressures of tubes"):
+        ph.material_model(ph.Ogden(), data, likelihood, rising=True)
+    with pytest.raises(ValueError, match="'thickness', a measure of a tube"):
+        prior = {"thickness": ph.MeasuredValue(0.1)}
+        ph.material_model(ph.Ogden(), data, likelihood, priors=prior)
+
+
+def test_stretch_sd_needs_stress_sd():
+    """An error of stretches stands beside one of stresses."""
+    with pytest.raises(ValueError, match="stretch_sd is given without stress_sd"):
+        ph.Gaussian(0.3, stretch_sd=0.01)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("joint", [False, True], ids=["sheet", "sheet and tube"])
+def test_posteriors_of_sheets_pass_simulation_based_calibration(joint):
+    """Ranks of the true parameters among posterior draws are uniform."""
+    law, parameters = ph.Ogden(), {"mu": 20.0, "alpha": 6.0}
+    data = joint_data() if joint else sheets(law, parameters, ["uniaxial_y", "equibiaxial"])
+    sizes = {"stress_sd": pm.LogNormal.dist(np.log(NOISE), 0.3)} | ({"pressure_sd": 0.3} * joint)
+    model = ph.material_model(law, data, ph.Gaussian(**sizes, observed=True), priors=PRIORS)
+    found = ph.simulation_based_calibration(
+        model, simulations=200, draws=500, random_seed=1, progressbar=False
+    )
+    assert found["p_value"].min() > 0.001
