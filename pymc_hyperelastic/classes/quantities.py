@@ -15,6 +15,7 @@ from scipy import linalg, stats
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
@@ -193,18 +194,23 @@ def complete_conditions(
             f"{between[0]} depends on two pressures: give "
             "at=ph.Conditions(pressure_range=(diastolic, systolic))"
         )
-    parts = [
-        part
-        for fitted in groups.children.values()
-        for part in specimens_apart(inflation_data_of(fitted)).values()
-    ]
+    tubes = [tubes_of(inflation_data_of(fitted)) for fitted in groups.children.values()]
+    parts = [part for data in tubes if data is not None for part in specimens_apart(data).values()]
     layered = has_layers(next(iter(groups.children.values())))
     measured = [n for n in GEOMETRY if not (layered and n == "outer_radius")]
     tube: dict[str, Any] = {
         name: float(np.median([np.median(part[name].values) for part in parts]))
         for name in measured
+        if parts
     }
     tube |= at.geometry()
+    missing = [name for name in measured if name not in tube and name != "opening_angle"]
+    if missing and (wanted or between):
+        raise ValueError(
+            f"{(wanted + between)[0]} is a property of a tube, and the classes hold sheets alone: "
+            f"state {missing} of a tube, at=ph.Conditions(..., tube=ph.Tube(...))"
+        )
+    tube = {"axial_stretch": 1.0, "opening_angle": 0.0} | tube
     if np.ndim(tube["axial_stretch"]):
         raise ValueError(f"{at.tube}: expected one axial stretch, at which all are compared")
     at = replace(at, pressure=0.0 if at.pressure is None else at.pressure, tube=Tube(**tube))

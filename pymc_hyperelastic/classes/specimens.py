@@ -314,9 +314,7 @@ class SpecimenSampler:
         The mean sum of squares over draws exceeds the smallest one by the number of parameters that
         the curves determine. This number is half of the variance over draws.
         """
-        count = data.sizes["obs"]
-        if self.population.likelihood.with_force:
-            count += int(data["axial_force"].notnull().sum())
+        count = self.population.likelihood.count(data)
         with np.errstate(over="ignore", invalid="ignore"):
             determined = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
             # The variance is larger if the prior and the curves contradict each other.

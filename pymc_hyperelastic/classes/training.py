@@ -12,6 +12,7 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import inflation_data_of
+from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
 
 # Rounded radius and pressure, by which points are compared.
@@ -106,6 +107,10 @@ def _copies(
 
 
 def _points(data: xr.Dataset) -> list[Point]:
-    """Return the rounded radius and pressure of each point."""
-    measured = np.stack([measured_radius(data).values, data["pressure"].values], axis=1)
-    return [tuple(point) for point in np.round(measured.astype(float), DIGITS).tolist()]
+    """Return the rounded radius and pressure of each point, or stretches and stresses."""
+    columns = [data[name] for name in SHEET_VARIABLES if name in data]
+    if "pressure" in data:
+        columns += [measured_radius(data), data["pressure"]]
+    measured = np.stack([column.values.astype(float) for column in columns], axis=1)
+    # What a test of the other kind lacks is the same in all of its points.
+    return [tuple(point) for point in np.round(np.nan_to_num(measured), DIGITS).tolist()]

@@ -245,7 +245,8 @@ def test_posteriors_of_sheets_pass_simulation_based_calibration(joint):
     """Ranks of the true parameters among posterior draws are uniform."""
     law, parameters = ph.Ogden(), {"mu": 20.0, "alpha": 6.0}
     data = joint_data() if joint else sheets(law, parameters, ["uniaxial_y", "equibiaxial"])
-    sizes = {"stress_sd": pm.LogNormal.dist(np.log(NOISE), 0.3)} | ({"pressure_sd": 0.3} * joint)
+    sizes = {"stress_sd": pm.LogNormal.dist(np.log(NOISE), 0.3)}
+    sizes |= {"pressure_sd": 0.3} if joint else {}
     model = ph.material_model(law, data, ph.Gaussian(**sizes, observed=True), priors=PRIORS)
     found = ph.simulation_based_calibration(
         model, simulations=200, draws=500, random_seed=1, progressbar=False

@@ -141,6 +141,12 @@ class Likelihood:
         }
         return tuple(compress(used, used.values()))
 
+    def count(self, data: xr.Dataset) -> int:
+        """Return the number of measured pressures, forces and stresses in the likelihood."""
+        columns = ["pressure"] * self.with_tubes + ["axial_force"] * self.with_force
+        columns += ["stress_x", "stress_y"] * self.with_sheets
+        return sum(int(data[name].notnull().sum()) for name in columns)
+
     def measured(self, data: xr.Dataset) -> list[str]:
         """Return the signals that these data have."""
         return [n for n in self.signals if n != "force" or data["axial_force"].notnull().any()]
