@@ -56,22 +56,31 @@ class SelectedNodes:
     by_stretch: ClassVar[bool] = False
     """False: all tests of a specimen, also at several axial stretches, share their nodes."""
 
-    @np.errstate(all="ignore")  # some of the materials may be impossible
     def with_materials(self, tubes: KnownTubes, materials: Materials) -> "SelectedNodes":
         """Return nodes for these materials, too: their independent responses become snapshots."""
+        return self.with_materials_at(self._quadrature_nodes(tubes, _COMPARED), materials)
+
+    @np.errstate(all="ignore")  # some of the materials may be impossible
+    def with_materials_at(
+        self, places: tuple[Array, Array], materials: Materials
+    ) -> "SelectedNodes":
+        """Return nodes for these materials, too, which are compared at these places."""
         added = _single_moduli(self.energy, materials) if self.one_by_one else [materials]
         parts = [self.snapshots, *added] if self.snapshots else added
         candidates = [np.concatenate(values) for values in zip(*parts, strict=True)]
         with_all = replace(self, snapshots=candidates)
-        (responses,) = with_all.responses(*self._quadrature_nodes(tubes, _COMPARED))
+        (responses,) = with_all.responses(*places)
         *_, pivots = _independent(_scaled(responses, _scale(responses)).T, self.tolerance)
         chosen = np.unique(pivots % len(candidates[0]))
         return replace(with_all, snapshots=[values[chosen] for values in candidates])
 
     def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Select nodes in the walls of the group."""
-        places = self._quadrature_nodes(tubes.at(group.points), _CANDIDATES)
-        return self._at_places(*(values.tobytes() for values in places))
+        return self.interpolation_at(*self._quadrature_nodes(tubes.at(group.points), _CANDIDATES))
+
+    def interpolation_at(self, log_hoop: Array, log_axial: Array) -> Interpolation:
+        """Select nodes among these places."""
+        return self._at_places(log_hoop.tobytes(), log_axial.tobytes())
 
     @lru_cache  # the curves, the misfits and the errors of one group ask for the same nodes
     def _at_places(self, log_hoop: bytes, log_axial: bytes) -> Interpolation:

@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.priors import complete_priors
 
 LAW = ph.HolzapfelGasserOgden()
 TISSUE = {"c": 10.0, "k1": 20.0, "k2": 1.0, "beta": 35.0}
@@ -252,3 +253,44 @@ def test_posteriors_of_sheets_pass_simulation_based_calibration(joint):
         model, simulations=200, draws=500, random_seed=1, progressbar=False
     )
     assert found["p_value"].min() > 0.001
+
+
+@pytest.mark.parametrize(
+    ("law", "kinds"),
+    [
+        (ph.OgdenSeries(terms=2), ("uniaxial_x", "equibiaxial", "pure_shear")),
+        (LAW, ("equibiaxial", "pure_shear", "biaxial")),
+    ],
+    ids=["OgdenSeries", "HolzapfelGasserOgden"],
+)
+def test_misfits_of_many_points_equal_those_of_all_points(law, kinds):
+    """With many points the squared misfits come from responses at a few nodes."""
+    if law is LAW:
+        parameters, priors = TISSUE, {"k2": pm.Uniform.dist(0, 3)}
+    else:
+        parameters = {"mu": [10.0, 1.0], "alpha": [2.0, 6.0]}
+        priors = {"alpha": pm.Uniform.dist(1, 8, shape=2)}
+    data = sheets(law, parameters, kinds, stress="nominal", points=100)
+    likelihood = ph.Gaussian(stress_sd=NOISE)
+    forward = likelihood.forward_model(law, data, complete_priors(law, priors))
+    assert forward.table is not None
+    by_nodes = likelihood.log_likelihood(forward.tube(parameters)).eval()
+    inputs = forward.share("misfits", forward.table.arrays)
+    assert inputs["log_x"].get_value().size < 60
+    every = forward.refined(data, parameters)
+    assert every.table is None
+    exact = likelihood.log_likelihood(every.tube(parameters)).eval()
+    assert by_nodes == pytest.approx(exact, rel=1e-9)
+    # One test in place of all.
+    fewer = ph.select(data, experiment=kinds[1])
+    forward.set_data(fewer)
+    every = every.with_data(fewer)
+    changed = likelihood.log_likelihood(forward.tube(parameters)).eval()
+    assert changed == pytest.approx(likelihood.log_likelihood(every.tube(parameters)).eval(), 1e-9)
+
+
+def test_a_free_direction_of_an_anisotropic_sheet_is_computed_at_every_point():
+    """Its stretch depends on the material, so that no constant matrix gives its stress."""
+    data = sheets(LAW, TISSUE, ["uniaxial_x"], points=300)
+    forward = ph.Gaussian(stress_sd=NOISE).forward_model(LAW, data, complete_priors(LAW))
+    assert forward.table is None

@@ -64,7 +64,7 @@ def choose_integrator(
     if mode == "quadrature":
         return quadrature
     try:
-        walls = _walls_of_prior(wall, data)
+        walls = draws_of_prior(wall, data.sizes["test"])
     except (MissingInputError, NotImplementedError) as error:
         unknown = f"the prior cannot be drawn from ({str(error).splitlines()[0]})"
         if mode == "collocation":
@@ -101,7 +101,7 @@ def choose_integrator(
     return quadrature
 
 
-def _walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
+def draws_of_prior(wall: WallVariables, tests: int) -> WallVariables:
     """Return the wall with draws of the prior, as numbers, in place of all that is unknown.
 
     Raises MissingInputError or NotImplementedError if a prior depends on a variable that is not
@@ -111,7 +111,7 @@ def _walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
     settings = {"draws": _DRAWS, "random_seed": 1, "mode": "FAST_COMPILE"}
     draws = pm.draw(wall.unknown, **settings) if wall.unknown else []
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
-    return wall.with_values(values, data.sizes["test"])
+    return wall.with_values(values, tests)
 
 
 @np.errstate(all="ignore")  # draws may be infinite

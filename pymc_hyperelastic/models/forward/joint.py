@@ -45,6 +45,7 @@ def forward_model(
             "the data hold tests of sheets, which are modelled as one material: give a strain "
             "energy in place of layers, or leave these tests out"
         )
+    settings |= {n: v for n, v in settings_of_tubes.items() if n in ("tolerance", "inaccurate")}
     of_sheets = SheetForward(wall, sheets, parameters, **settings)
     return of_sheets if of_tubes is None else JointForward(wall, data, of_tubes, of_sheets)
 
@@ -91,14 +92,23 @@ class JointForward(ForwardModel):
 
     def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
         """Return the largest error of the curves of each material."""
-        tubes = tubes_of(data)
-        return np.zeros(1) if tubes is None else self.tubes.errors(tubes, parameters, geometry)
+        errors = np.zeros(1)
+        for part, own in ((self.tubes, tubes_of(data)), (self.sheets, sheets_of(data))):
+            if own is not None:
+                errors = np.maximum(errors, part.errors(own, parameters, geometry))
+        return errors
 
     def refined(
         self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
     ) -> "JointForward":
         """Return the same with curves that are accurate for these materials, too."""
-        return self._changed(tubes=self.tubes.refined(_tubes_of(data), parameters, geometry))
+        tubes, sheets = tubes_of(data), sheets_of(data)
+        parts: dict[str, ForwardModel] = {}
+        if tubes is not None:
+            parts["tubes"] = self.tubes.refined(tubes, parameters, geometry)
+        if sheets is not None:
+            parts["sheets"] = self.sheets.refined(sheets, parameters)
+        return self._changed(**parts)
 
     def with_data(self, data: xr.Dataset) -> "JointForward":
         """The same for other data of the same kind."""

@@ -12,7 +12,15 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.mechanics.sheet import stresses_at
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
-from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, Curves, Points, Values
+from pymc_hyperelastic.models.forward.tabulated_sheets import tabulated_sheets
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    Curves,
+    Points,
+    Values,
+    WallVariables,
+)
 from pymc_hyperelastic.models.priors import is_inferred
 
 # Points by the directions in which their stretch is known: the other direction is free.
@@ -22,7 +30,8 @@ _BLOCKS = {"both": (True, True), "only_x": (True, False), "only_y": (False, True
 class SheetForward(ForwardModel):
     """Stresses of sheets at the measured stretches, for any parameters.
 
-    The arguments are those of :class:`TubeForward`; stresses are computed at every point.
+    The arguments are those of :class:`TubeForward`. Stresses are computed at every point; misfits
+    of many points with known stretches from a `table`, see :class:`TabulatedSheets`.
     """
 
     of_sheets = True
@@ -34,10 +43,16 @@ class SheetForward(ForwardModel):
         parameters: Values,
         *,
         by_test: bool = False,
+        tolerance: float = 1e-9,
+        inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
         super().__init__(data, by_test=by_test, replaceable=replaceable)
         self.energy, self._names = energy, [*parameters]
+        self.table = None
+        if not by_test:
+            settings = {"tolerance": tolerance, "inaccurate": inaccurate}
+            self.table = tabulated_sheets(energy, data, parameters, **settings)
         self.blocks = [name for name, rows in _rows_of_blocks(data).items() if rows.size]
 
     @property
@@ -46,14 +61,17 @@ class SheetForward(ForwardModel):
         return self._names, []
 
     def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
-        """Return 0: stresses are exact, or not a number."""
-        return np.zeros(1)
+        """Return the largest error of the stresses of each material; 0 without a table."""
+        if self.table is None:
+            return np.zeros(1)
+        materials = WallVariables(self.energy, dict(parameters), {}).materials
+        return self.table.errors(data, materials)
 
     def refined(
         self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
     ) -> "SheetForward":
-        """Return the same."""
-        return self
+        """Return the same without a table, whose stresses are exact."""
+        return self._changed(table=None)
 
     def tube(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
@@ -99,6 +117,14 @@ class SymbolicSheets(SymbolicTests):
         """Stresses ``stress_x`` and ``stress_y`` at the points, kPa; 0 in a free direction."""
         blocks = [self._block(block)[0] for block in self.forward.blocks]
         return {f"stress_{axis}": self._joined([b[axis] for b in blocks]) for axis in "xy"}
+
+    def sum_of_squares(self) -> TensorVariable | None:
+        """Sum of the squared differences from measured stresses, by a table; None without one."""
+        table = self.forward.table
+        if table is None:
+            return None
+        inputs = self.forward.share("misfits", table.arrays)
+        return table.sum_of_squares(inputs, self.parameters)
 
     def slopes(self) -> dict[tuple[str, str], TensorVariable]:
         """Derivatives of the stresses by the measured stretches, by the axes of both, kPa.

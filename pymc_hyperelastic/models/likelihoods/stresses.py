@@ -20,7 +20,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.models.forward import SymbolicSheets
+from pymc_hyperelastic.models.forward import OVERFLOW, SymbolicSheets
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.likelihoods.signals import (
     LARGEST,
@@ -55,6 +55,16 @@ class Stresses(NamedTuple):
 
 def log_likelihood_of_stresses(sheets: SymbolicSheets, errors: Errors) -> Tensor:
     """Return the log likelihood of the stresses; minus infinity if a sheet is impossible."""
+    square = None
+    if errors.stretch_sd is None:
+        square = sheets.sum_of_squares()
+    if square is not None:
+        possible = square < OVERFLOW
+        inputs, variance = _inputs(sheets), pt.square(as_double(errors.stress_sd))
+        count = inputs["x_rows"].shape[0] + inputs["y_rows"].shape[0]
+        # Else the gradient by the standard deviation would be 0 * inf.
+        known = pt.where(possible, square, 0.0)
+        return pt.where(possible, normal_log_density(known, variance, count), -np.inf)
     curves = sheets.curves()
     possible = _possible(curves)
     safe = {name: pt.where(possible, curve, 0.0) for name, curve in curves.items()}
