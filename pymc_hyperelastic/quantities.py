@@ -22,6 +22,7 @@ UNITS = {
     "label": ["1"],
 }
 #: Powers of a length that input may have.
+UNITS["stress"] = UNITS["pressure"]
 POWERS = {"length": 1, "area": 2, "volume": 3}
 for _dimension in ("area", "volume"):
     UNITS[_dimension] = [f"{unit}{POWERS[_dimension]}" for unit in UNITS["length"]]
@@ -78,6 +79,7 @@ _LABELS = [
     QuantitySpec("cycle", "label", "cycle of the experiment", lies_on="test"),
     QuantitySpec("phase", "label", "phase of the cycle", lies_on="test"),
     QuantitySpec("stress_measure", "label", "measure of the stress of a sheet", lies_on="test"),
+    QuantitySpec("kind", "label", "kind of the test of a sheet"),
     QuantitySpec("animal", "label", "animal"),
     QuantitySpec("split", "label", "split"),
 ]
@@ -88,9 +90,11 @@ _MEASURED = [
     QuantitySpec("axial_force", "force", "reduced axial force", "F", "obs"),
     QuantitySpec("stretch_x", "ratio", "stretch along x", r"\lambda_x", "obs"),
     QuantitySpec("stretch_y", "ratio", "stretch along y", r"\lambda_y", "obs"),
-    QuantitySpec("stress_x", "pressure", "stress along x", lies_on="obs"),
-    QuantitySpec("stress_y", "pressure", "stress along y", lies_on="obs"),
+    QuantitySpec("stress_x", "stress", "stress along x", lies_on="obs"),
+    QuantitySpec("stress_y", "stress", "stress along y", lies_on="obs"),
 ]
+#: Variables of the points of sheets: the stretches along both axes, then the stresses.
+SHEET_VARIABLES = ("stretch_x", "stretch_y", "stress_x", "stress_y")
 _TUBE = [
     QuantitySpec("inner_radius", "length", "inner radius of the reference tube", "A", "test"),
     QuantitySpec("outer_radius", "length", "outer radius of the reference tube", "B", "test"),
@@ -100,6 +104,27 @@ _TUBE = [
     QuantitySpec("length", "length", "length of the unloaded tube"),
     QuantitySpec("axial_stretch", "ratio", "axial stretch", r"\lambda_z", "test"),
     QuantitySpec("opening_angle", "angle", "opening angle of the cut ring", r"\Phi", "test"),
+]
+#: Measures of the deformation and of the load of a sheet, and of the sheet itself, by dimension. A
+#: column of one ends with ``_x`` or ``_y``, or belongs to the axis along which the sheet is pulled.
+OF_SHEETS = {
+    "stretch": "ratio",
+    "engineering_strain": "ratio",
+    "green_strain": "ratio",
+    "displacement": "length",
+    "stress": "stress",
+    "cauchy_stress": "stress",
+    "nominal_stress": "stress",
+    "force": "force",
+    "gauge_length": "length",
+    "area": "area",
+}
+_ENDS = {"": "", "_x": " along x", "_y": " along y"}
+_SHEET = [
+    QuantitySpec(f"{name}{end}", dimension, f"{name.replace('_', ' ')} of a sheet{along}")
+    for name, dimension in OF_SHEETS.items()
+    for end, along in _ENDS.items()
+    if f"{name}{end}" not in SHEET_VARIABLES
 ]
 #: Names of columns in files besides a quantity's own: small letters, separated by spaces, and "_"
 #: for all that is neither a letter nor a digit.
@@ -118,6 +143,24 @@ SPELLINGS = {
     "length": "unloaded_length length_unloaded",
     "axial_stretch": "stretch lambda_z lambdaz λz λ_z",
 }
+_OF_SHEETS = {
+    "engineering_strain": "nominal_strain strain",
+    "green_strain": "green_lagrange_strain",
+    "displacement": "extension",
+    "cauchy_stress": "true_stress",
+    "nominal_stress": "engineering_stress pk1_stress 1st_pk_stress first_piola_kirchhoff_stress",
+    "force": "load",
+    "gauge_length": "gage_length",
+    "area": "cross_section cross_sectional_area",
+}
+SPELLINGS |= {
+    f"{name}{end}": " ".join(f"{other}{end}" for other in others.split())
+    for name, others in _OF_SHEETS.items()
+    for end in _ENDS
+}
+SPELLINGS |= {f"stretch_{a}": f"lambda_{a} lambda{a} λ{a} λ_{a}" for a in "xy"}
+SPELLINGS |= {f"stress_{a}": f"sigma_{a} sigma{a} σ{a} σ_{a}" for a in "xy"}
+SPELLINGS["kind"] = "kind_of_test test_kind"
 #: Names of columns in files that hold a diameter, of which half is taken.
 DIAMETERS = {
     "radius": "inner_diameter internal_diameter lumen_diameter",
@@ -133,8 +176,6 @@ MEASURES = (
     "axial_stretch",
     "opening_angle",
 )
-#: Variables of the points of sheets: the stretches along both axes, then the stresses.
-SHEET_VARIABLES = ("stretch_x", "stretch_y", "stress_x", "stress_y")
 _ERRORS = [
     QuantitySpec(
         f"{spec.name}_sd",
@@ -146,7 +187,9 @@ _ERRORS = [
     if spec.name in MEASURES
 ]
 #: Measured, geometric quantities and labels by name: whatever a table may hold.
-IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_ERRORS)}
+IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_SHEET, *_ERRORS)}
+#: Names of columns that tables of sheets alone may hold.
+IN_SHEET_TABLES = {*SHEET_VARIABLES, "kind", "stress_measure", *(spec.name for spec in _SHEET)}
 
 _DERIVED = [
     QuantitySpec("stiffness", "stiffness", "stiffness", r"\mathrm{d}p/\mathrm{d}a"),
@@ -224,7 +267,7 @@ PLAUSIBLE = {
         "the largest change of a length of a sheet over its unloaded length", "", 0.003, inf
     ),
     "largest_stress": PlausibleRange(
-        "the largest stress of a sheet", "kPa", 0.01, 200000.0, "pressure"
+        "the largest stress of a sheet", "kPa", 0.01, 200000.0, "stress"
     ),
     "lateral_stretch": PlausibleRange(
         "the stretch across the axis along which a sheet is pulled", "", 0.0, 1.02

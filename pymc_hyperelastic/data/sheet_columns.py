@@ -110,7 +110,9 @@ def check_columns(rows: Rows, name: str, kinds: NDArray[np.str_]) -> None:
     bare, *by_axis = columns_of(name)
     there = [column for column in by_axis if column in rows.frame]
     how = "say kind=..., one of uniaxial, equibiaxial, pure_shear"
-    if "kind" in rows.frame:
+    if rows.of_files:
+        how = "say the kind, uniaxial, equibiaxial or pure_shear, in a column or in constants.kind"
+    elif "kind" in rows.frame:
         how = "say kind='kind', as the frame has such a column"
     biaxial = bool((kinds == "biaxial").any())
     if bare in rows.frame:
@@ -128,7 +130,9 @@ def check_columns(rows: Rows, name: str, kinds: NDArray[np.str_]) -> None:
     needed = by_axis if biaxial else [f"{name}_{axis}" for axis in np.unique(axes_of(kinds))]
     missing = [column for column in needed if column not in rows.frame]
     if missing:
-        fix = f"rename what holds it, frame.rename(columns={{'...': {missing[0]!r}}})"
+        fix = "rename what holds it"
+        if not rows.of_files:
+            fix += f", frame.rename(columns={{'...': {missing[0]!r}}})"
         if name == "stress" and {*columns_of("force")} & {*rows.frame}:
             fix = "of forces say stress='force' and area=..."
         elif name == "force" and {*columns_of("stress")} & {*rows.frame}:
@@ -229,7 +233,7 @@ def completed(
         bad,
         lambda i: (
             f"the stretch along y is {other[i]:.6g}; expected {expected[i]:.6g} in a test of "
-            f"the kind {kinds[i]}: if it differs say kind='biaxial'"
+            f"the kind {kinds[i]}: if it differs {_say_biaxial(rows)}"
         ),
     )
     uniaxial = ~held & ~biaxial
@@ -254,11 +258,15 @@ def without_free(
         biaxial = kinds == "biaxial"
         fill = f"fill in its stretch along {axis}, or leave the cell empty"
         _refuse(rows, bad & biaxial, what + fill, given)
-        fill = "leave the column out, or say kind='biaxial' and give both stretches"
+        fill = f"leave the column out, or {_say_biaxial(rows)} and give both stretches"
         _refuse(rows, bad & ~biaxial, what + fill, given)
         stresses[axis] = np.where(free, np.nan, given)
     _refuse_missing(rows, name, stresses, np.full(len(rows.test), True))
     return stresses
+
+
+def _say_biaxial(rows: Rows) -> str:
+    return "say kind = 'biaxial' in its column" if rows.of_files else "say kind='biaxial'"
 
 
 def _refuse_missing(rows: Rows, name: str, numbers: ByAxis, expected: NDArray[np.bool_]) -> None:

@@ -192,8 +192,7 @@ def sheet_data(
     loads = without_free(rows, load, loads, stretches, kinds)
     if area is None:
         stresses = {
-            axis: to_internal(of_axis, stress_unit, "pressure", keyword="stress_unit")
-            for axis, of_axis in loads.items()
+            axis: to_internal(of_axis, stress_unit, "stress") for axis, of_axis in loads.items()
         }
     else:
         stresses = _stress_of_force(rows, loads, area, force_unit, length_unit)

@@ -23,10 +23,11 @@ mmHg = 0.133322387415
 # Relative difference of two units that are one, such as micrometre and micron.
 _ROUNDING = 1e-12
 # Dimensions whose units pint converts; areas and volumes are powers of a length.
-_BASIC = ("pressure", "length", "force", "angle")
+_BASIC = ("pressure", "stress", "length", "force", "angle")
 # Units as people write them, in small letters.
 _SPELLINGS = {unit.casefold(): unit for dimension in _BASIC for unit in UNITS[dimension]}
 _SPELLINGS |= {"micron": "um", "microns": "um", "in": "inch", "pond": "gf"}
+_SPELLINGS |= {"n/mm2": "MPa", "kn/m2": "kPa"}
 _SPELLINGS |= {"°": "deg", "degree": "deg", "degrees": "deg"}
 # In small or in large letters these would be other units, or none.
 _AS_WRITTEN = {"mpa", "mn", "un", "n", "nm", "m"}

@@ -409,7 +409,7 @@ REFUSED = {
     ),
     "unit of stress": (
         lambda: build(stress_unit="N"),
-        "stress_unit='N' does not measure pressure; expected a unit of pressure: kPa, Pa, hPa, "
+        "stress_unit='N' does not measure stress; expected a unit of stress: kPa, Pa, hPa, "
         "MPa, mmHg, torr, cmH2O, mbar, bar, psi",
     ),
     "up and down": (

@@ -5,10 +5,17 @@ Names are looked up in :data:`~pymc_hyperelastic.quantities.SPELLINGS`; the pack
 
 import re
 import unicodedata
-from typing import NamedTuple
+from collections.abc import Collection, Iterable, Mapping
+from typing import Literal, NamedTuple
 
 from pymc_hyperelastic.data.units import Unit, is_unit, known_unit
-from pymc_hyperelastic.quantities import DIAMETERS, IN_TABLES, SPELLINGS
+from pymc_hyperelastic.quantities import (
+    DIAMETERS,
+    IN_SHEET_TABLES,
+    IN_TABLES,
+    OF_SHEETS,
+    SPELLINGS,
+)
 
 # Columns that tables of points need, besides a radius or a diameter.
 NEEDED = ("specimen", "experiment", "pressure")
@@ -16,8 +23,17 @@ _KNOWN = {name: (name, 1.0) for name in IN_TABLES}
 _KNOWN |= {other: (name, 1.0) for name, others in SPELLINGS.items() for other in others.split()}
 _KNOWN |= {other: (name, 0.5) for name, others in DIAMETERS.items() for other in others.split()}
 
-# A name that people who keep tables give to a specimen, and pressure myographs to a diameter.
+# A name that people who keep tables give to a specimen, and pressure myographs to a diameter; and a
+# strain, which has several definitions.
 TWO_MEANINGS = {"id": ("specimen", "inner_diameter")}
+TWO_MEANINGS |= {
+    f"strain{end}": (f"engineering_strain{end}", f"green_strain{end}") for end in ("", "_x", "_y")
+}
+# Points of tubes have one of these columns, and points of sheets one of the loads.
+OF_TUBES = {"radius", "outer_diameter", "pressure"}
+LOADS = [name for name in OF_SHEETS if name.endswith(("stress", "force"))]
+_LOADS = {f"{load}{end}" for load in LOADS for end in ("", "_x", "_y")}
+Points = Literal["tubes", "sheets", ""]
 
 # Letters of a name with its unit; a longer header is a remark.
 _LONGEST_NAME = 80
@@ -57,6 +73,32 @@ def heading(text: str) -> Heading | None:
             if not (found.is_label and unit is not None):
                 return found
     return None
+
+
+def points_in(headers: Iterable[str], columns: Mapping[str, Heading]) -> Points:
+    """Return of what a table with these headers has points; the `columns` are stated meanings."""
+    stated = {comparable(text): known for text, known in columns.items()}
+    known = set()
+    for header in headers:
+        found = next((stated[name] for name in called(header) if name in stated), heading(header))
+        known |= {found.name} if found else set()
+    if not known.isdisjoint(OF_TUBES):
+        return "tubes"
+    return "" if known.isdisjoint(_LOADS) else "sheets"
+
+
+def allowed(points: Points, kinds: Collection[Points]) -> set[str]:
+    """Quantities that a table with these points may hold, in a study with points of these kinds.
+
+    A table of points has quantities of its kind. All other tables have those of all kinds.
+    """
+    own = {points} if points else {*kinds} - {""} or {"tubes"}
+    of_tubes = {name for name, spec in IN_TABLES.items() if spec.dimension != "label"}
+    of_tubes -= IN_SHEET_TABLES
+    others = (IN_SHEET_TABLES if "sheets" not in own else set()) | (
+        of_tubes if "tubes" not in own else set()
+    )
+    return {*IN_TABLES} - others
 
 
 def names_of(name: str) -> list[str]:

@@ -21,6 +21,7 @@ from pymc_hyperelastic.quantities import IN_TABLES, UNITS
 # Units of all columns of a dimension, as arguments of inflation_data are called.
 UNIT_KEYS = {
     "pressure_unit": "pressure",
+    "stress_unit": "stress",
     "radius_unit": "length",
     "angle_unit": "angle",
     "force_unit": "force",

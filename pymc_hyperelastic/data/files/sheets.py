@@ -4,7 +4,7 @@ All that is wrong with a sheet is collected, each problem with its file, line, c
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
@@ -16,6 +16,8 @@ from pymc_hyperelastic.data.files.headers import (
     NEEDED,
     TWO_MEANINGS,
     Heading,
+    Points,
+    allowed,
     called,
     comparable,
     heading,
@@ -35,10 +37,10 @@ from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, no_rows
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.units import Unit, known_unit
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES, UNITS
+from pymc_hyperelastic.quantities import IN_SHEET_TABLES, IN_TABLES, UNITS
 
-# Columns of numbers of which some cells may be missing.
-_MAY_BE_MISSING = ("axial_force",)
+# Columns of numbers of which some cells may be missing; sheet_data refuses those it needs.
+_MAY_BE_MISSING = {"axial_force", *IN_SHEET_TABLES}
 # Columns that are listed as not used.
 _MOST_UNUSED = 100
 
@@ -78,6 +80,8 @@ class Table:
     frame: pd.DataFrame
     problems: list[str]
     understood: str
+    points: Points = ""
+    """The kind of its points, or empty text if it has none."""
 
     def units_in_words(self) -> dict[tuple[str, str], str]:
         """In which units columns were read, by file and dimension."""
@@ -88,8 +92,10 @@ class Table:
         return {key: "; ".join(columns) for key, columns in words.items()}
 
 
-def table_of(sheet: Sheet, settings: Settings) -> Table:
-    r"""Table of a sheet.
+def table_of(
+    sheet: Sheet, settings: Settings, points: Points = "tubes", kinds: Collection[Points] = ()
+) -> Table:
+    r"""Table of a sheet, with these `points`, in a study with points of these `kinds`.
 
     Examples
     --------
@@ -101,7 +107,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
       'p [mmHg]' is pressure in mmHg (1 mmHg is 0.133322 kPa): 7.5
       not used: 'note'
     """
-    columns, unused, problems = _columns(sheet, settings)
+    columns, unused, problems = _columns(sheet, settings, allowed(points, kinds))
     columns = _without_unit_row(sheet, columns)
     decimal, questions = _decimal(sheet, columns, settings)
     problems += questions
@@ -112,6 +118,9 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
     for column in columns:
         is_label = column.meaning.is_label
         if all(not cell if is_label else is_missing(cell) for cell in column.cells):
+            if column.name in IN_SHEET_TABLES:
+                words.append(f"{shown(column.header)} is {column.name}, without any entry")
+                continue
             unused.append(f"{shown(column.header)} (empty)")
             if column.name in needed:
                 problems.append(
@@ -145,10 +154,13 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         more = f" and {others} others" if others > 0 else ""
         understood.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
     headers = {column.name: column.header for column in columns}
-    return Table(sheet.file, sheet.names, headers, units, frame, problems, "\n  ".join(understood))
+    text = "\n  ".join(understood)
+    return Table(sheet.file, sheet.names, headers, units, frame, problems, text, points)
 
 
-def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str], list[str]]:
+def _columns(
+    sheet: Sheet, settings: Settings, allowed: set[str]
+) -> tuple[list[Column], list[str], list[str]]:
     """Columns with a known meaning, the headers of all others, and problems of headers."""
     columns: dict[str, Column] = {}
     unused, problems = [], []
@@ -166,6 +178,11 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
         if known and known.name in named:
             known = None
         known = next((stated[name] for name in names if name in stated), known)
+        is_stretch = "stretch" in names or not stated.keys().isdisjoint(names)
+        if known and known.name not in allowed:
+            # The stretch of a tube is axial, and that of a sheet along the axis that is pulled.
+            is_stretch &= known.name == "axial_stretch"
+            known = known._replace(name="stretch") if is_stretch else None
         if not known or not ignored.isdisjoint(names):
             unused.append(shown(header) if header else "a column without a name")
             continue
@@ -176,9 +193,10 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
             )
         columns.setdefault(known.name, Column(header, known, cells_of(position)))
     for column in columns.values():
-        name = comparable(column.header)
-        meanings = TWO_MEANINGS.get(name, ())
-        if name not in stated and meanings and _are_measured(column, "outer_diameter" in columns):
+        name = next((name for name in called(column.header) if name in TWO_MEANINGS), "")
+        meanings = () if name in stated else TWO_MEANINGS.get(name, ())
+        beside = "outer_diameter" in columns
+        if meanings and (name != "id" or _are_measured(column, beside)):
             ways = " or ".join(f"columns.{m} = {shown(column.header)}" for m in meanings)
             problems.append(
                 f"{where}: {shown(column.header)} may be {' or '.join(meanings)}: say which in "
@@ -277,6 +295,8 @@ def _unit_of(
     if unit := settings.unit_of(name) or known_unit("", dimension):
         return unit, []
     keyword = next((key for key, of in UNIT_KEYS.items() if of == dimension), f"units.{name}")
+    if name in IN_SHEET_TABLES and dimension == "length":  # not radius_unit
+        keyword = f"units.{name}"
     example = shown(f"{column.header} [{UNITS[dimension][0]}]")
     return None, [
         f"{where} has no unit: write it into the name, such as {example}, or say {keyword} in "

@@ -1,5 +1,7 @@
 """The tables of a study as one frame of points, without missing columns and repeated tests."""
 
+from collections.abc import Iterable
+
 import pandas as pd
 
 from pymc_hyperelastic.data.columns import LABELS
@@ -11,7 +13,7 @@ from pymc_hyperelastic.data.inflation import file_of, listed
 from pymc_hyperelastic.data.validation import Check, refuse
 from pymc_hyperelastic.mechanics.reference_tube import WALL
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES
+from pymc_hyperelastic.quantities import IN_SHEET_TABLES, IN_TABLES
 from pymc_hyperelastic.rounding import DIGITS
 
 MEASURED = ("radius", "outer_diameter")
@@ -19,6 +21,8 @@ MEASURED = ("radius", "outer_diameter")
 _FEWEST_ALIKE = 3
 # Defaults for columns that a study lacks, in words.
 _OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
+# Names in tables of sheets of quantities that tables of tubes call otherwise.
+_OF_SHEETS = {"axial_stretch": "stretch"}
 _RADII = ("inner_radius", "outer_radius")
 
 
@@ -30,7 +34,7 @@ def study_of(
     Raises ValueError if a column is missing, tables do not fit together, or a test is there twice.
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
-    others = [table for table in tables if table not in points]
+    others = [table for table in tables if table not in points and table.points != "sheets"]
     constants = {table: settings.constants | settings.files.get(table.file, {}) for table in points}
     problems = [problem for table in tables for problem in table.problems]
     problems += [
@@ -41,19 +45,22 @@ def study_of(
         if name in table.frame
     ]
     frames = {table: table.frame.assign(**of_table) for table, of_table in constants.items()}
-    problems += _not_found(tables, settings) + _missing(frames, others, settings)
+    problems += not_found(tables, settings) + _missing(frames, others, settings)
     refuse(problems)
-    frame, idle = joined(pd.concat(frames.values()), [table.frame for table in others])
+    of_tubes = [table.frame.drop(columns=IN_SHEET_TABLES, errors="ignore") for table in others]
+    frame, idle = joined(pd.concat(frames.values()), of_tubes)
     frame, unused = _chosen(frame, settings, ", ".join(table.file for table in tables))
     for name in {"experiment", "cycle"} & {*frame}:
-        frame[name] = _counted(frame[name])
+        frame[name] = counted(frame[name])
     tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
-    refuse(_scattered(tests))
-    refuse([] if check == "ignore" else _alike(tests))
-    return frame, [*_constants_in_words(settings), *_contents(frame), *idle, *unused]
+    refuse(scattered(tests))
+    refuse([] if check == "ignore" else alike(tests, [*MEASURED, "pressure", "axial_force"]))
+    words = [*constants_in_words(settings), *contents_in_words(frame)]
+    words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
+    return frame, [*words, *_without_radii(frame), *idle, *unused]
 
 
-def _constants_in_words(settings: Settings) -> list[str]:
+def constants_in_words(settings: Settings) -> list[str]:
     """Constants of the settings, in words."""
 
     def words(name: str, value: float | str) -> str:
@@ -70,7 +77,7 @@ def _constants_in_words(settings: Settings) -> list[str]:
     ]
 
 
-def _has(table: Table) -> str:
+def names_in_words(table: Table) -> str:
     """The columns of a file, in words."""
     names = table.names
     if len(names) == 1:
@@ -81,7 +88,7 @@ def _has(table: Table) -> str:
     return f"{table.file} has {listed(names)}"
 
 
-def _not_found(tables: list[Table], settings: Settings) -> list[str]:
+def not_found(tables: list[Table], settings: Settings) -> list[str]:
     """Files and columns that the settings name, and that are not there."""
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
@@ -94,9 +101,9 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     ]
     return problems + [
         f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
-        f"{'; '.join(map(_has, tables))}"
+        f"{'; '.join(map(names_in_words, tables))}"
         for name, said in texts.items()
-        if not any(name in table.headers for table in tables)
+        if not any({name, _OF_SHEETS.get(name)} & {*table.headers} for table in tables)
     ]
 
 
@@ -121,17 +128,21 @@ def _missing(
             if others
         )
         problems.append(
-            f"{_has(table)}, and no column {none}: rename the one that holds it, or say what it is "
-            f"called, columns.{lacking[0][0]} in the settings, or what it is in all rows, "
-            f"constants.{lacking[0][0]} ({called})"
+            f"{names_in_words(table)}, and no column {none}: rename the one that holds it, or say "
+            f"what it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
+            f"rows, constants.{lacking[0][0]} ({called})"
         )
-    problems += [
-        f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
-        "specimen; leave the file out, or say in the settings what its columns are"
+    return problems + (without_specimens(others) if points else [])
+
+
+def without_specimens(others: list[Table]) -> list[str]:
+    """Problems of tables that have neither points nor specimens."""
+    return [
+        f"{names_in_words(table)}: these are no points, with pressures, and no specimens, with a "
+        "column specimen; leave the file out, or say in the settings what its columns are"
         for table in others
-        if points and "specimen" not in table.frame
+        if "specimen" not in table.frame
     ]
-    return problems
 
 
 def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.DataFrame, list[str]]:
@@ -166,13 +177,13 @@ def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.Dat
     return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
 
 
-def _counted(labels: pd.Series) -> pd.Series:
+def counted(labels: pd.Series) -> pd.Series:
     """Labels as integers if all are written as such; 1.0 is how spreadsheets may write a cycle."""
     written = labels.str.removesuffix(".0") if labels.name == "cycle" else labels
     return written.astype("int64") if written.str.fullmatch("0|[1-9][0-9]{0,17}").all() else labels
 
 
-def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+def scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """Problems of tests whose rows stand in several files."""
     frame = tests.obj
     files = frame.index.map(file_of)
@@ -188,11 +199,11 @@ def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     ]
 
 
-def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """Problems of two experiments with the same points, as if one had been copied."""
+def alike(tests: pd.api.typing.DataFrameGroupBy, names: Iterable[str]) -> list[str]:
+    """Problems of two experiments with the same points of the given names, as if copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
-    measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
+    measured = tests.obj.columns.intersection([*names])
     for labels, rows in tests:
         values = rows[measured].to_numpy()
         points = tuple(sorted(tuple(f"{x:.{DIGITS}g}" for x in row) for row in values))
@@ -207,8 +218,8 @@ def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     return problems
 
 
-def _contents(frame: pd.DataFrame) -> list[str]:
-    """Contents of a study, and missing columns, in words."""
+def contents_in_words(frame: pd.DataFrame) -> list[str]:
+    """Numbers of specimens, experiments and points of a study in words."""
 
     def count(n: int, what: str) -> str:
         return f"{n} {what}{'s' * (n != 1)}"
@@ -222,8 +233,7 @@ def _contents(frame: pd.DataFrame) -> list[str]:
     if "group" in frame:
         groups = frame.groupby("group", sort=False)["specimen"].nunique()
         words += [f"group {group!r}: {count(n, 'specimen')}" for group, n in groups.items()]
-    words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
-    return [*words, *_without_radii(frame)]
+    return words
 
 
 def _without_radii(frame: pd.DataFrame) -> list[str]:
