@@ -76,6 +76,7 @@ from pymc_hyperelastic.predictions.curves import (
 )
 from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.predictions.sheets import predict_stress
 from pymc_hyperelastic.predictions.stress import wall_stress
 from pymc_hyperelastic.reports.report import report
 
@@ -126,6 +127,7 @@ __all__ = [
     "force_offsets",
     "tube_properties",
     "wall_stress",
+    "predict_stress",
     "is_admissible",
     "material_card",
     "fit_classes",
