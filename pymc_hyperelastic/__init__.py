@@ -65,6 +65,7 @@ from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
+from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
 from pymc_hyperelastic.plots.specimens import plot_specimens
 from pymc_hyperelastic.predictions.admissible import is_admissible
 from pymc_hyperelastic.predictions.cards import material_card
@@ -145,6 +146,7 @@ __all__ = [
     "save_result",
     "open_result",
     "plot_inflation",
+    "plot_sheet_tests",
     "plot_parameter_density",
     "plot_fit",
     "plot_elastic_properties",
