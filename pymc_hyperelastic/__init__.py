@@ -65,6 +65,7 @@ from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
+from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
 from pymc_hyperelastic.plots.specimens import plot_specimens
 from pymc_hyperelastic.predictions.admissible import is_admissible
 from pymc_hyperelastic.predictions.cards import material_card
@@ -76,6 +77,7 @@ from pymc_hyperelastic.predictions.curves import (
 )
 from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.predictions.sheets import predict_stress
 from pymc_hyperelastic.predictions.stress import wall_stress
 from pymc_hyperelastic.reports.report import report
 
@@ -126,6 +128,7 @@ __all__ = [
     "force_offsets",
     "tube_properties",
     "wall_stress",
+    "predict_stress",
     "is_admissible",
     "material_card",
     "fit_classes",
@@ -143,6 +146,7 @@ __all__ = [
     "save_result",
     "open_result",
     "plot_inflation",
+    "plot_sheet_tests",
     "plot_parameter_density",
     "plot_fit",
     "plot_elastic_properties",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
@@ -24,6 +25,7 @@ from pymc_hyperelastic.plots.fit_figure import (
     reach_of_residuals,
 )
 from pymc_hyperelastic.plots.fitted_curves import SIGNALS, Specimen, data_beside, specimens_in
+from pymc_hyperelastic.plots.fitted_sheets import tests_apart
 from pymc_hyperelastic.plots.labels import axis_label, words
 from pymc_hyperelastic.plots.panels import columns_of, panels_with_strips
 from pymc_hyperelastic.plots.style import (
@@ -61,7 +63,9 @@ _MOST_REACH = 8.0
 # Light colours on which titles of panels stand, one for each group: other hues than those of tests.
 _TINTS = ["#E2E2E2", "#FFE0AE", "#CDE7F7", "#F3D6E6", "#CBEADF"]
 
-SignalName = Literal["pressure", "stiffness", "axial_force", "extension_radius", "extension_force"]
+SignalName = Literal[
+    "pressure", "stiffness", "axial_force", "extension_radius", "extension_force", "stress"
+]
 
 
 @one_thread
@@ -100,7 +104,7 @@ def plot_fit(
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
-        Inflation data to show, or those for each class; by default the training data.
+        Data to show, or those for each class; by default the training data.
     signal : str, optional
         The signal to show; by default the first of these that the data have:
 
@@ -109,7 +113,10 @@ def plot_fit(
         - ``"axial_force"``: axial forces of inflation tests;
         - ``"extension_radius"``: radii, or diameters, of extension tests over the axial stretch,
           at the measured pressures;
-        - ``"extension_force"``: axial forces of extension tests, at the measured pressures.
+        - ``"extension_force"``: axial forces of extension tests, at the measured pressures;
+        - ``"stress"``: stresses of sheets over the stretches, as :func:`plot_sheet_tests` shows
+          them, in kPa, with a panel for each test. If tubes were measured too, the signal must be
+          named.
     specimens : list of str, optional
         Specimens to show; by default all, at most 24.
     residuals : bool, default False
@@ -132,7 +139,8 @@ def plot_fit(
     arviz_plots.PlotCollection
         Its variables are the signal and, with `residuals`, ``residual``. Its dimensions are
         ``class_label`` (``group`` if one class has several groups), ``specimen``, ``curve`` and,
-        if tests have colours, ``axial_stretch`` or ``experiment``.
+        if tests have colours, ``axial_stretch`` or ``experiment``. For stresses of sheets
+        ``specimen`` names tests, and ``axis`` is the dimension of the colours.
 
     Warns
     -----
@@ -149,7 +157,7 @@ def plot_fit(
 
     See Also
     --------
-    predict_pressure, predict_axial_force, diagnose_evidence
+    predict_pressure, predict_axial_force, predict_stress, diagnose_evidence
 
     Notes
     -----
@@ -172,12 +180,16 @@ def plot_fit(
     fitted = fitted_classes(classes)
     shown = data_beside(fitted, data)
     name = _checked_signal(signal, shown)
+    part_of = sheets_of if SIGNALS[name].of_sheets else tubes_of
+    parts = {label: part_of(tests) for label, tests in shown.items()}
+    shown = {label: tests for label, tests in parts.items() if tests is not None}
+    fitted = {label: tree for label, tree in fitted.items() if label in shown}
     of_force = SIGNALS[name].quantity == "axial_force"
     if of_force:
         shown = {label: less_offsets(tests, fitted[label]) for label, tests in shown.items()}
     group, found = specimens_in(fitted, shown)
     found = [one for one in found if SIGNALS[name].has_tests(one.tests).any()]
-    chosen, note = _chosen(found, specimens)
+    chosen, note = _chosen(found, specimens, by_test=SIGNALS[name].of_sheets)
     settings: dict[str, Any] = {"energy": energy, "ci_prob": ci_prob, "residuals": residuals}
     figure = figure_of(name, chosen, group, pressure_unit, settings)
     if residuals and not figure.has_residuals:
@@ -207,15 +219,14 @@ def _checked_signal(signal: str | None, data: Mapping[str, xr.Dataset]) -> str:
     if signal is None:
         return found[0]
     if signal not in found:
-        kind = "extension" if SIGNALS[signal].over_stretch else "inflation"
-        raise ValueError(
-            f"signal is {signal!r}, but there are no {kind} tests: give one of {found}"
-        )
+        kind = "extension tests" if SIGNALS[signal].over_stretch else "inflation tests"
+        kind = "tests of sheets" if SIGNALS[signal].of_sheets else kind
+        raise ValueError(f"signal is {signal!r}, but there are no {kind}: give one of {found}")
     return signal
 
 
 def _chosen(
-    found: list[Specimen], names: Sequence[str] | None
+    found: list[Specimen], names: Sequence[str] | None, by_test: bool = False
 ) -> tuple[list[Specimen], str | None]:
     """Return the specimens that are shown, and what the title says if some are not shown."""
     if names is not None:
@@ -226,11 +237,12 @@ def _chosen(
             what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
             raise ValueError(f"{what}: expected some of {known}")
         chosen = [one for one in found if one.name in names]
-    else:
-        most = min(len(found), _MOST_PANELS)
-        chosen = [found[i] for i in np.linspace(0, len(found) - 1, most).round().astype(int)]
-    note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
-    return chosen, note
+        note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
+        return tests_apart(chosen) if by_test else chosen, note
+    panels, what = (tests_apart(found), "tests") if by_test else (found, "specimens")
+    most = min(len(panels), _MOST_PANELS)
+    chosen = [panels[i] for i in np.linspace(0, len(panels) - 1, most).round().astype(int)]
+    return chosen, f"{most} of {len(panels)} {what}" if most < len(panels) else None
 
 
 def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:

@@ -17,6 +17,8 @@ from pymc_hyperelastic.plots.fitted_curves import (
     stretch_labels,
     tubes_of,
 )
+from pymc_hyperelastic.plots.fitted_sheets import stress_curves_of
+from pymc_hyperelastic.plots.stretches import AXIS, stress_label
 from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal
 
 #: Variable of the standardised residuals in a figure.
@@ -74,6 +76,8 @@ class FitFigure(NamedTuple):
     @property
     def horizontal(self) -> str:
         """Quantity on the horizontal axis."""
+        if SIGNALS[self.signal].of_sheets:
+            return "stretch"
         if SIGNALS[self.signal].over_stretch:
             return "axial_stretch"
         return radius_of(self.specimens[0].tests)
@@ -81,6 +85,8 @@ class FitFigure(NamedTuple):
     @property
     def vertical(self) -> str:
         """Quantity on the vertical axis."""
+        if SIGNALS[self.signal].of_sheets:
+            return stress_label(one.tests for one in self.specimens)
         if self.signal == "extension_radius":
             return radius_of(self.specimens[0].tests)
         return SIGNALS[self.signal].quantity
@@ -110,14 +116,23 @@ def figure_of(
     settings: Mapping[str, Any],
 ) -> FitFigure:
     """Compute all curves, points and residuals of a figure."""
-    by, labels, order = _labels_of_tests(signal, specimens, pressure_unit)
     of_pressure = signal in ("pressure", "stiffness")
     scale = per_kilopascal(pressure_unit) if of_pressure else 1.0
+    if SIGNALS[signal].of_sheets:
+        found = [[*stress_curves_of(one, **settings)] for one in specimens]
+        order = sorted({axis for fits in found for axis, _ in fits})
+        by = AXIS if len(order) > 1 else None
+    else:
+        by, labels, order = _labels_of_tests(signal, specimens, pressure_unit)
+        found = [
+            [(of_tests[fit.tests[0]], fit) for fit in curves_of(one, signal, **settings)]
+            for one, of_tests in zip(specimens, labels, strict=True)
+        ]
     curves, points = [], []
     offsets = False
-    for one, of_tests in zip(specimens, labels, strict=True):
-        for fit in curves_of(one, signal, **settings):
-            place = (one.label, one.name) + ((of_tests[fit.tests[0]],) if by else ())
+    for one, fits in zip(specimens, found, strict=True):
+        for label, fit in fits:
+            place = (one.label, one.name) + ((label,) if by else ())
             curves.append(Curve(signal, place, fit.band * [[1.0], [1.0], *[[scale]] * 3]))
             measured = np.isfinite(fit.points[1])
             if measured.any():

@@ -19,6 +19,7 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import specimens_apart, tests_at
+from pymc_hyperelastic.data.variables import sheet_tests
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import (
@@ -65,12 +66,19 @@ class Signal(NamedTuple):
     """Name of the quantity on the vertical axis."""
     over_stretch: bool
     """True if extension tests are shown, over the axial stretch; False for inflation tests."""
-    curve: Callable[[TubeNumbers, Array], Array]
-    """From tubes and internal radii, the curves of the draws."""
+    curve: Callable[[TubeNumbers, Array], Array] | None
+    """From tubes and internal radii, the curves of the draws; None for sheets."""
+
+    @property
+    def of_sheets(self) -> bool:
+        """True if tests of sheets are shown, False for those of tubes."""
+        return self.curve is None
 
     def has_tests(self, data: xr.Dataset) -> NDArray[np.bool_]:
         """Return True for each test of the kind that is shown."""
-        return extension_tests(data) == self.over_stretch
+        if self.of_sheets or (sheets := sheet_tests(data)).all():
+            return sheet_tests(data) & self.of_sheets
+        return (extension_tests(data) == self.over_stretch) & ~sheets
 
 
 # The signals of a fit by name, in the order of a report.
@@ -80,6 +88,7 @@ SIGNALS = {
     "axial_force": Signal("axial_force", False, TubeNumbers.axial_force),
     "extension_radius": Signal("radius", True, lambda tube, radius: radius),
     "extension_force": Signal("axial_force", True, TubeNumbers.axial_force),
+    "stress": Signal("stress", False, None),
 }
 
 
@@ -159,7 +168,7 @@ def data_beside(classes: Mapping[str, xr.DataTree], data: Any) -> dict[str, xr.D
             raise ValueError(f"data has nothing for class {name!r}; it has {list(data)}")
         own = data[name] if several else data
         if own is None:
-            if "inner_radius" not in tree.children.get("constant_data", {}):
+            if not holds_inflation_data(tree):
                 raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
             own = inflation_data_of(tree)
         check_inflation_data(own)
@@ -292,7 +301,8 @@ def _band(signal: str, tests: xr.Dataset, draws: Draws, ci_prob: float) -> tuple
         radius = _internal_radius(grid, tests, draws.tube)
         beyond = draws.extrapolated_radii(_typical_radius(grid, radius, tests))
     shape = draws.coords["chain"].size, draws.coords["draw"].size, grid.size
-    values = np.broadcast_to(shown.curve(draws.tube, radius), shape)
+    curve = shown.curve or TubeNumbers.axial_force  # sheets have other curves
+    values = np.broadcast_to(curve(draws.tube, radius), shape)
     if signal == "extension_radius" and "outer_diameter" in tests:
         values = 2 * current_radius(
             draws.tube.geometry["outer_radius"], values, **draws.tube.unloaded

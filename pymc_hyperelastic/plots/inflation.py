@@ -15,6 +15,7 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import POINTS, Curve, gathered
 from pymc_hyperelastic.plots.fitted_curves import stretch_labels
@@ -54,7 +55,8 @@ def plot_inflation(
     """Plot the measured curves: pressure over internal radius, or over measured outer diameter.
 
     Extension tests have panels of their own beside these: axial force over axial stretch, or if no
-    forces were measured the radius, or the diameter. Forces of inflation tests are not shown.
+    forces were measured the radius, or the diameter. Forces of inflation tests are not shown. Tests
+    of sheets in the same data are shown by :func:`plot_sheet_tests`.
 
     Colours differ by specimen, or by group if a panel holds several; beyond seven of them, line
     styles differ, too. Markers differ by axial stretch; if there is one stretch, or each specimen
@@ -94,7 +96,7 @@ def plot_inflation(
 
     See Also
     --------
-    inflation_data
+    inflation_data, plot_sheet_tests
 
     Examples
     --------
@@ -104,10 +106,14 @@ def plot_inflation(
     array(['C1', 'C2'], dtype='<U2')
     """
     check_inflation_data(data)
+    tubes = tubes_of(data)
+    if tubes is None:
+        raise ValueError("the data hold no tubes: tests of sheets are shown by plot_sheet_tests")
+    data = tubes
     if group_by not in (*_GROUPINGS, None):
         names = ", ".join(_GROUPINGS)
         raise ValueError(f"group_by must be one of {names} or None, not {group_by!r}")
-    data, note = _thinned(data)
+    data, note = thinned(data)
     labels = {name: data[name].values.tolist() for name in _GROUPINGS if name != "axial_stretch"}
     coords = {name: list(dict.fromkeys(of_tests)) for name, of_tests in labels.items()}
     (labels["axial_stretch"],), coords["axial_stretch"] = stretch_labels([data], pressure_unit)
@@ -143,7 +149,7 @@ def plot_inflation(
     return canvas.collection
 
 
-def _thinned(data: xr.Dataset) -> tuple[xr.Dataset, str | None]:
+def thinned(data: xr.Dataset) -> tuple[xr.Dataset, str | None]:
     """Choose tests that one figure can show, evenly from all, and say how many they are."""
 
     def evenly(count: int, most: int) -> np.ndarray:

@@ -25,6 +25,10 @@ LABELS |= {
     "pressure": ("pressure", "kPa"),
     "axial_force": ("reduced axial force", "mN"),
     "stress": ("Cauchy stress", "kPa"),
+    "cauchy_stress": ("Cauchy stress", "kPa"),
+    "nominal_stress": ("nominal stress", "kPa"),
+    "stress_of_sheets": ("nominal or Cauchy stress", "kPa"),
+    "stretch": ("stretch", None),
     "sigma_rr": ("radial stress", "kPa"),
     "sigma_tt": ("hoop stress", "kPa"),
     "sigma_zz": ("axial stress", "kPa"),
@@ -42,6 +46,7 @@ LABELS |= {
     "class_label": ("class", None),
     "specimen": ("specimen", None),
     "experiment": ("experiment", None),
+    "axis": ("stress along", None),
 }
 
 

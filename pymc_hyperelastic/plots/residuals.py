@@ -18,6 +18,7 @@ from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.plots.curves import Array
 from pymc_hyperelastic.predictions.draws import Draws
+from pymc_hyperelastic.predictions.sheets import SheetDraws
 
 # Relative step of the central difference of a force: its error is about the step squared.
 _STEP = 1e-4
@@ -46,7 +47,7 @@ def knows_noise(tree: xr.DataTree) -> bool:
     return likelihood is not None and {*likelihood.unknowns} <= {*tree["posterior"].data_vars}
 
 
-def errors_of(tree: xr.DataTree, draws: Draws) -> Errors | None:
+def errors_of(tree: xr.DataTree, draws: Draws | SheetDraws) -> Errors | None:
     """Return the sizes of errors, as arrays (chain, draw, 1); None if the result lacks them.
 
     Inferred sizes are those of the specimen; without its draws they are those of the class.

@@ -171,18 +171,19 @@ def draws_of(
 
     Each measure of the tube is the stated one, else the inferred value, else the value of the data.
     """
-    wall, member, values = wall_draws_of(result, energy, specimen)
-    posterior = member.posterior
+    wall, of_all, values = wall_draws_of(result, energy, specimen)
+    member, posterior = of_all.of_tubes(), of_all.posterior
     layered = "thickness" in wall[0].values
     given = {} if tube is None else stated_geometry(tube)
     if layered and "outer_radius" in given:
         raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
-    names = _inferred_measures(posterior, layered)
-    inferred = {k: values_by_draw(posterior, k) for k in names if k not in given}
-    medians = {name: float(np.median(values_by_draw(posterior, name))) for name in names}
+    medians = medians_of_measures(posterior, layered)
+    inferred = {k: values_by_draw(posterior, k) for k in medians if k not in given}
     if layered:
         thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
         inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
+    if member.data is None and of_all.data is not None:
+        _check_stated(inferred, given, specimen)
     geometry = _geometry(member.data, inferred, given)
     typical = _geometry(member.data, medians, given)
     return Draws(
@@ -251,6 +252,24 @@ def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
     measures = () if layered else ("outer_radius", "thickness", "wall_area")
     wall = [name for name in measures if name in posterior][:1]
     return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
+
+
+def medians_of_measures(posterior: xr.Dataset, layered: bool = False) -> dict[str, float]:
+    """Return the medians of the inferred measures of the tube; none if no tube was inferred."""
+    names = _inferred_measures(posterior, layered)
+    return {name: float(np.median(values_by_draw(posterior, name))) for name in names}
+
+
+def _check_stated(inferred: dict[str, Any], given: dict[str, Any], specimen: str | None) -> None:
+    """Raise ValueError if a result of sheets alone is asked about a tube that is not stated."""
+    wall = {"outer_radius", "thickness", "wall_area"} & {*inferred, *given}
+    if not wall or "inner_radius" not in inferred | given:
+        what = "result" if specimen is None else f"specimen {specimen!r} of the result"
+        raise ValueError(
+            f"the {what} holds no tube, only tests of sheets: state a tube, such as "
+            "tube=ph.Tube(inner_radius=7.0, outer_radius=9.0), in ph.Conditions if the function "
+            "has an argument `at`; stresses of a sheet are predicted by ph.predict_stress"
+        )
 
 
 def _geometry(

@@ -69,8 +69,8 @@ class Measured(NamedTuple):
         beyond = self._beyond_stretches(radius, tube)
         held = np.array_equal(*self.axial) and not np.ndim(tube["axial_stretch"])
         if held and self._on(tube, tube["axial_stretch"]).all():
-            words = f"internal radius {_ends(radius[beyond.points])} mm, measured "
-            return beyond._replace(words=words + f"{_ends(self.radius)} mm")
+            words = f"internal radius {ends_in_words(radius[beyond.points])} mm, measured "
+            return beyond._replace(words=words + f"{ends_in_words(self.radius)} mm")
         return beyond
 
     def at_pressures(
@@ -105,6 +105,10 @@ class Measured(NamedTuple):
         words = f"pressure {_in_both_units(pressure[beyond])}, {stretched.words}"
         return Extrapolated(beyond, words)
 
+    def hoop_stretches(self) -> Array:
+        """Return the extreme hoop stretches of the wall of each test, (end and surface, test)."""
+        return np.concatenate([_hoop_stretches(a, self.tubes) for a in self.radius])
+
     def _on(self, tube: Mapping[str, Any], stretch: float) -> NDArray[np.bool_]:
         """Return True for each test on this tube whose axial stretches include `stretch`."""
         unloaded = [name for name in GEOMETRY if name != "axial_stretch"]
@@ -117,20 +121,20 @@ class Measured(NamedTuple):
         measured = self.tubes["axial_stretch"]
         outside = ~_between(axial, measured.min(), measured.max())
         if outside.all():
-            words = f"axial stretch {_ends(axial)}, measured {_ends(measured)}"
+            words = f"axial stretch {ends_in_words(axial)}, measured {ends_in_words(measured)}"
             return Extrapolated(outside, words)
-        of_tests = np.concatenate([_hoop_stretches(a, self.tubes) for a in self.radius])
-        low = -_upper_hull(axial, measured, -of_tests.min(axis=0))
-        high = _upper_hull(axial, measured, of_tests.max(axis=0))
+        of_tests = self.hoop_stretches()
+        low = -upper_hull(axial, measured, -of_tests.min(axis=0))
+        high = upper_hull(axial, measured, of_tests.max(axis=0))
         asked = _hoop_stretches(radius, tube)
         # NaN radii, which a draw does not reach, count as extrapolated.
         beyond = outside | ~_between(asked, low, high).all(axis=0)
         words = (
-            f"hoop stretch of the wall {_ends(asked[:, beyond])} at axial stretch {_ends(axial)}, "
-            f"measured {low.min():.4g} to {high.max():.4g}"
+            f"hoop stretch of the wall {ends_in_words(asked[:, beyond])} at axial stretch "
+            f"{ends_in_words(axial)}, measured {low.min():.4g} to {high.max():.4g}"
         )
         if outside.any():
-            words += f" at {_ends(measured)}"
+            words += f" at {ends_in_words(measured)}"
         return Extrapolated(beyond, words)
 
 
@@ -203,7 +207,7 @@ def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
     return np.array([stretches(face, radius, **rest)[1] for face in faces])
 
 
-def _upper_hull(at: Array, x: Array, y: Array) -> Array:
+def upper_hull(at: Array, x: Array, y: Array) -> Array:
     """Return the upper edge of the convex hull of points (x, y), interpolated at `at`."""
     # Stretches that differ only by rounding errors count as equal.
     at, x = at.round(DIGITS), x.round(DIGITS)
@@ -226,7 +230,7 @@ def _between(x: Array | float, low: Array | float, high: Array | float) -> NDArr
     return np.logical_and(x >= low - margin, x <= high + margin)
 
 
-def _ends(values: Array) -> str:
+def ends_in_words(values: Array) -> str:
     """Return "smallest to largest" of the finite values, as text; NaN are pressures not reached."""
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -236,4 +240,4 @@ def _ends(values: Array) -> str:
 
 
 def _in_both_units(pressure: Array) -> str:
-    return f"{_ends(pressure)} kPa ({_ends(pressure / mmHg)} mmHg)"
+    return f"{ends_in_words(pressure)} kPa ({ends_in_words(pressure / mmHg)} mmHg)"

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.evidence.stored import (
     check_numbers,
     damaged,
@@ -65,6 +66,11 @@ class Member(NamedTuple):
     """Tests to which the parameters were fitted; None if the result has no data."""
     name: str | None
     """Name of the specimen; None if all specimens share one posterior and no name was given."""
+
+    def of_tubes(self) -> "Member":
+        """The same without tests of sheets."""
+        data, evidence = (None if d is None else tubes_of(d) for d in (self.data, self.evidence))
+        return self._replace(data=data, evidence=evidence)
 
 
 def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -> Member:

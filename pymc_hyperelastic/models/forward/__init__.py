@@ -8,7 +8,7 @@ from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
 from pymc_hyperelastic.models.forward.choose import Mode
 from pymc_hyperelastic.models.forward.joint import forward_model, points_of_part, register_curves
 from pymc_hyperelastic.models.forward.model import SymbolicTube, TubeForward, until_accurate
-from pymc_hyperelastic.models.forward.numbers import TubeNumbers
+from pymc_hyperelastic.models.forward.numbers import TubeNumbers, numeric_stresses
 from pymc_hyperelastic.models.forward.sheets import SymbolicSheets
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "TubeForward",
     "TubeNumbers",
     "forward_model",
+    "numeric_stresses",
     "points_of_part",
     "register_curves",
     "until_accurate",

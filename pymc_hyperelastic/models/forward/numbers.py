@@ -1,6 +1,6 @@
 """Numeric tubes: curves, stresses and radii of as many tubes as there are draws, at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from pymc_hyperelastic.mechanics.integrals import (
     wall_pressure,
 )
 from pymc_hyperelastic.mechanics.layers import LayeredTube, ReferenceLayer
+from pymc_hyperelastic.mechanics.sheet import stresses_at
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, measure_of, opening_factor, stretches
 from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
@@ -230,6 +231,25 @@ def _stress_differences(energy: StrainEnergy) -> Any:
         energy.axial_stress_difference(log_hoop, log_axial, **parameters),
     ]
     return pytensor.function(inputs, outputs, on_unused_input="ignore")
+
+
+@lru_cache(maxsize=64)
+def _sheet_stresses(energy: StrainEnergy, free: str) -> Any:
+    """Compile :func:`stresses_at` for vectors: logarithms of the known stretches, entries."""
+    log_x, log_y = (None if axis == free else pt.dvector() for axis in "xy")
+    entries = [pt.dvector() for _ in energy.entry_names]
+    known = [log for log in (log_x, log_y) if log is not None]
+    outputs = stresses_at(energy, log_x, log_y, entries)
+    return pytensor.function([*known, *entries], [*outputs], on_unused_input="ignore")
+
+
+def numeric_stresses(
+    energy: StrainEnergy, log_x: Array | None, log_y: Array | None, entries: Sequence[Any]
+) -> list[Array]:
+    """Return what :func:`stresses_at` returns, for arrays that broadcast."""
+    free = "x" if log_x is None else "y" if log_y is None else ""
+    known = [log for log in (log_x, log_y) if log is not None]
+    return _evaluate(_sheet_stresses(energy, free), *known, *entries)
 
 
 @np.errstate(all="ignore")  # a radius may be NaN, or so large that the stress overflows
