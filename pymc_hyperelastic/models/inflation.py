@@ -104,7 +104,7 @@ def material_model(
     >>> data = ph.select(ph.load_dataset("treloar_rubber"), experiment="uniaxial")
     >>> model = ph.material_model(ph.Yeoh(), data, ph.Gaussian(stress_sd=50.0))
     >>> [rv.name for rv in model.free_RVs]
-    ['c10', 'c20', 'c30']
+    ['c1', 'c2', 'c3']
     """
     context = pm.Model.get_context(error_if_none=False)
     if name and context is None:
