@@ -176,6 +176,8 @@ MEASURES = (
     "axial_stretch",
     "opening_angle",
 )
+#: Measures of a sheet that models may take as uncertain, by factors: see MeasuredValue.
+SHEET_MEASURES = ("sheet_thickness", "gauge_length")
 _ERRORS = [
     QuantitySpec(
         f"{spec.name}_sd",

@@ -21,7 +21,7 @@ from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
 from pymc_hyperelastic.models.priors import check_by_name, check_prior, complete_wall
-from pymc_hyperelastic.quantities import MEASURES
+from pymc_hyperelastic.quantities import MEASURES, SHEET_MEASURES
 
 # Measures that give the outer radius, together with the inner one.
 _OUTER = ("outer_radius", "thickness", "wall_area")
@@ -45,14 +45,21 @@ class MeasuredValue:
     measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
     middle line and the thickness of the closed ring, from which the radii of the sector follow.
 
+    A sheet has the measures ``sheet_thickness`` and ``gauge_length``, of which the data hold no
+    values: their `sd` is relative. With the true thickness ``h e^{z s}`` a measured stress is the
+    true one times ``e^{z s}``; with the true gauge length ``L e^{z s}`` the true stretch is
+    ``1 + (λ − 1) e^{−z s}``.
+
     Tests of one specimen share ``z``, its *deviation*. An error that several specimens share is
     taken as if each had its own.
 
     Parameters
     ----------
     sd : float, optional
-        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. The default is that
-        of the data, such as ``thickness_sd``, see :func:`pymc_hyperelastic.inflation_data`.
+        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1, and those of measures
+        of a sheet relative to the measured value. The default is that of the data, such as
+        ``thickness_sd``, see :func:`pymc_hyperelastic.inflation_data`; measures of a sheet have
+        none.
 
     Raises
     ------
@@ -109,13 +116,14 @@ def split_by_owner(
         laws = [energy]
     for law in laws:
         for name in law.parameter_names:
-            if name in MEASURES:
+            if name in (*MEASURES, *SHEET_MEASURES):
                 raise ValueError(
-                    f"{law.name} has a parameter {name!r}, which is the name of a measure of the "
-                    "tube: give the parameter another name"
+                    f"{law.name} has a parameter {name!r}, which is the name of a measure of a "
+                    "tube or a sheet: give the parameter another name"
                 )
     given = check_by_name(what, by_name)
-    tube = {name: value for name, value in given.items() if name in MEASURES}
+    measures = (*MEASURES, *SHEET_MEASURES)
+    tube = {name: value for name, value in given.items() if name in measures}
     return {name: value for name, value in given.items() if name not in tube}, tube
 
 
@@ -131,6 +139,9 @@ def check_geometry(given: Mapping[str, Any], model: pm.Model | None = None) -> d
     """Return the unknown geometry as a dict, or raise if it is unsound."""
     given = dict(given)
     for name, prior in given.items():
+        if name in SHEET_MEASURES:
+            _check_measure_of_sheet(name, prior)
+            continue
         if name not in MEASURES:
             raise ValueError(
                 f"a prior is given for {name!r}; of a tube one may infer {[*MEASURES]}"
@@ -147,6 +158,24 @@ def check_geometry(given: Mapping[str, Any], model: pm.Model | None = None) -> d
             f"for outer_radius, or ph.MeasuredValue(sd=...) if {wall[0]} was measured with an error"
         )
     return given
+
+
+def _check_measure_of_sheet(name: str, prior: Any) -> None:
+    if not isinstance(prior, MeasuredValue) or prior.sd is None:
+        raise TypeError(
+            f"the prior of {name!r} is {prior!r}; expected its relative standard deviation, such "
+            "as ph.MeasuredValue(sd=0.05)"
+        )
+
+
+def of_tubes(geometry: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Those of tubes."""
+    return {name: v for name, v in (geometry or {}).items() if name not in SHEET_MEASURES}
+
+
+def of_sheets(geometry: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Those of sheets."""
+    return {name: v for name, v in (geometry or {}).items() if name in SHEET_MEASURES}
 
 
 def check_measured_only(geometry: Mapping[str, Any]) -> None:
@@ -246,8 +275,9 @@ def register_measures(
     dims: str = "specimen",
 ) -> None:
     """The specimens' tubes, each as in the first of its tests, as far as they deviate."""
-    tube = tube_of_specimens(data, {name: m.sd for name, m in measured_of(geometry).items()})
-    for name, values in deviated_tube(tube, deviations).items():
+    errors = {name: m.sd for name, m in measured_of(of_tubes(geometry)).items()}
+    tube = tube_of_specimens(data, errors)
+    for name, values in deviated_tube(tube, of_tubes(deviations)).items():
         if values is not tube.get(name):
             pm.Deterministic(name, values, dims=dims)
 

@@ -30,7 +30,7 @@ from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import MEASURES
+from pymc_hyperelastic.quantities import MEASURES, SHEET_MEASURES
 
 # Draws of a prior for its moments and probabilities: an estimate of the prior probability 0.05 has
 # a relative standard error of 3 %.
@@ -141,7 +141,7 @@ def check_priors(
         if name not in sizes:
             raise ValueError(
                 f"a prior is given for {name!r}, but {owner} has the parameters {list(sizes)}, and "
-                f"a tube the measures {list(MEASURES)}"
+                f"a tube the measures {list(MEASURES)}, a sheet {list(SHEET_MEASURES)}"
             )
         check_prior(name, prior, sizes[name], model)
     return given

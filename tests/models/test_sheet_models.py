@@ -240,7 +240,53 @@ def test_stretch_sd_needs_stress_sd():
         ph.Gaussian(0.3, stretch_sd=0.01)
 
 
+def test_uncertain_thickness_and_gauge_length_scale_stresses_and_strains():
+    """The true measures are the measured ones times a factor of each specimen."""
+    data, sds = sheets(LAW, TISSUE, ["biaxial"]), {"sheet_thickness": 0.1, "gauge_length": 0.05}
+    priors = {name: ph.MeasuredValue(sd) for name, sd in sds.items()}
+    model = ph.material_model(LAW, data, ph.Gaussian(stress_sd=NOISE), priors=priors)
+    z = {"sheet_thickness": 1.5, "gauge_length": -0.8}
+    values = TISSUE | {f"{name}_deviation": [value] for name, value in z.items()}
+    factor = {name: np.exp(sds[name] * value) for name, value in z.items()}
+    stretch = [1 + (data[f"stretch_{axis}"].values - 1) / factor["gauge_length"] for axis in "xy"]
+    expected = ph.sheet_stress(LAW, *stretch, **TISSUE)
+    exact = sum(
+        stats.norm.logpdf(data[name].values, factor["sheet_thickness"] * mean.eval(), NOISE).sum()
+        for name, mean in zip(("stress_x", "stress_y"), expected, strict=True)
+    )
+    assert log_density_at(model, values) == pytest.approx(exact, rel=1e-10)
+
+
+def test_joint_model_takes_errors_of_tubes_and_of_sheets():
+    """The thickness of the tube and that of the sheet are errors of their own."""
+    priors = PRIORS | {
+        "thickness": ph.MeasuredValue(0.01),
+        "sheet_thickness": ph.MeasuredValue(0.1),
+    }
+    model = ph.material_model(ph.Ogden(), joint_data(), JOINT, priors=priors)
+    of_specimen = {"thickness_deviation", "sheet_thickness_deviation"}
+    assert of_specimen <= {rv.name for rv in model.free_RVs}
+    values = {"mu": 20.0, "alpha": 6.0} | {name: [0.0] for name in of_specimen}
+    without = ph.material_model(ph.Ogden(), joint_data(), JOINT, priors=PRIORS)
+    exact = log_density_at(without, {"mu": 20.0, "alpha": 6.0})
+    assert log_density_at(model, values) == pytest.approx(exact, rel=1e-8)
+    for name in of_specimen:
+        assert log_density_at(model, values | {name: [1.0]}) != pytest.approx(exact, rel=1e-4)
+
+
+def test_errors_of_a_sheet_are_relative_standard_deviations():
+    """A distribution, a missing number and a measure of the other kind are refused."""
+    data, likelihood = sheets(LAW, TISSUE, ["biaxial"]), ph.Gaussian(stress_sd=NOISE)
+    for prior in (ph.MeasuredValue(), pm.Normal.dist(1.0, 0.1)):
+        with pytest.raises(TypeError, match=r"'sheet_thickness'.*expected its relative standard"):
+            ph.material_model(LAW, data, likelihood, priors={"sheet_thickness": prior})
+    tube = tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0})
+    with pytest.raises(ValueError, match="'gauge_length', a measure of a sheet"):
+        ph.material_model(ph.Ogden(), tube, 0.3, priors={"gauge_length": ph.MeasuredValue(0.1)})
+
+
 @pytest.mark.deep
+@pytest.mark.long
 @pytest.mark.parametrize("joint", [False, True], ids=["sheet", "sheet and tube"])
 def test_posteriors_of_sheets_pass_simulation_based_calibration(joint):
     """Ranks of the true parameters among posterior draws are uniform."""

@@ -16,6 +16,7 @@ from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
 from pymc_hyperelastic.models.forward.model import SymbolicTube, TubeForward
 from pymc_hyperelastic.models.forward.sheets import SheetForward, SymbolicSheets
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, Curves, Values
+from pymc_hyperelastic.models.geometry import of_sheets, of_tubes
 from pymc_hyperelastic.models.priors import is_inferred
 
 
@@ -35,19 +36,20 @@ def forward_model(
     """
     tubes, sheets = tubes_of(data), sheets_of(data)
     settings: dict[str, Any] = {"by_test": by_test, "replaceable": replaceable}
-    of_tubes = None
+    forward = None
     if tubes is not None:
-        of_tubes = TubeForward(wall, tubes, parameters, geometry, **settings, **settings_of_tubes)
+        settings_of_tubes |= {"geometry": of_tubes(geometry)}
+        forward = TubeForward(wall, tubes, parameters, **settings, **settings_of_tubes)
         if sheets is None:
-            return of_tubes
+            return forward
     if not isinstance(wall, StrainEnergy):
         raise ValueError(
             "the data hold tests of sheets, which are modelled as one material: give a strain "
             "energy in place of layers, or leave these tests out"
         )
     settings |= {n: v for n, v in settings_of_tubes.items() if n in ("tolerance", "inaccurate")}
-    of_sheets = SheetForward(wall, sheets, parameters, **settings)
-    return of_sheets if of_tubes is None else JointForward(wall, data, of_tubes, of_sheets)
+    other = SheetForward(wall, sheets, parameters, of_sheets(geometry), **settings)
+    return other if forward is None else JointForward(wall, data, forward, other)
 
 
 def points_of_part(tests: SymbolicTests, part: Any, dims: str | None) -> str | None:
@@ -134,11 +136,13 @@ class JointForward(ForwardModel):
                 entries = [entry[tests] if is_inferred(entry) else entry for entry in entries]
             return self.energy.join(entries)
 
-        of_tubes = {name: z[tests["tubes"]] for name, z in (deviations or {}).items()}
+        tubes, sheets = tests["tubes"], tests["sheets"]
+        z_tubes = {name: z[tubes] for name, z in of_tubes(deviations).items()}
+        z_sheets = {name: z[sheets] for name, z in of_sheets(deviations).items()}
         return SymbolicJoint(
             self,
-            self.tubes.tube(own(tests["tubes"]), geometry, of_tubes),
-            self.sheets.tube(own(tests["sheets"])),
+            self.tubes.tube(own(tubes), geometry, z_tubes),
+            self.sheets.tube(own(sheets), deviations=z_sheets),
         )
 
 

@@ -21,6 +21,7 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     Values,
     WallVariables,
 )
+from pymc_hyperelastic.models.geometry import MeasuredValue
 from pymc_hyperelastic.models.priors import is_inferred
 
 # Points by the directions in which their stretch is known: the other direction is free.
@@ -30,8 +31,9 @@ _BLOCKS = {"both": (True, True), "only_x": (True, False), "only_y": (False, True
 class SheetForward(ForwardModel):
     """Stresses of sheets at the measured stretches, for any parameters.
 
-    The arguments are those of :class:`TubeForward`. Stresses are computed at every point; misfits
-    of many points with known stretches from a `table`, see :class:`TabulatedSheets`.
+    The arguments are those of :class:`TubeForward`; the `measures` have relative errors. Stresses
+    are computed at every point; misfits of many points with known stretches from a `table`, see
+    :class:`TabulatedSheets`.
     """
 
     of_sheets = True
@@ -41,6 +43,7 @@ class SheetForward(ForwardModel):
         energy: StrainEnergy,
         data: xr.Dataset,
         parameters: Values,
+        measures: Mapping[str, MeasuredValue] | None = None,
         *,
         by_test: bool = False,
         tolerance: float = 1e-9,
@@ -49,8 +52,9 @@ class SheetForward(ForwardModel):
     ) -> None:
         super().__init__(data, by_test=by_test, replaceable=replaceable)
         self.energy, self._names = energy, [*parameters]
+        self.sds = {name: value.sd for name, value in (measures or {}).items()}
         self.table = None
-        if not by_test:
+        if not by_test and not self.sds:
             settings = {"tolerance": tolerance, "inaccurate": inaccurate}
             self.table = tabulated_sheets(energy, data, parameters, **settings)
         self.blocks = [name for name, rows in _rows_of_blocks(data).items() if rows.size]
@@ -77,7 +81,7 @@ class SheetForward(ForwardModel):
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicSheets":
         """The sheets with variables of a model in place of the distributions."""
-        return SymbolicSheets(self, parameters)
+        return SymbolicSheets(self, parameters, deviations or {})
 
     def arrays(self, data: xr.Dataset) -> Arrays:
         """Return the arrays of the data for the stresses of each block of points."""
@@ -112,6 +116,8 @@ class SymbolicSheets(SymbolicTests):
 
     forward: SheetForward
     parameters: Mapping[str, Any]
+    deviations: Mapping[str, Any]
+    """Errors of the measures, in standard deviations, by name and of each test."""
 
     def curves(self) -> Curves:
         """Stresses ``stress_x`` and ``stress_y`` at the points, kPa; 0 in a free direction."""
@@ -146,7 +152,7 @@ class SymbolicSheets(SymbolicTests):
         return self.forward.share("stretches", self.forward.arrays)
 
     def _block(self, block: str) -> tuple[dict[str, TensorVariable], dict[str, TensorVariable]]:
-        """Return the stresses of the points of a block, and the logarithms of known stretches."""
+        """Return the stresses of a block, and the logarithms of its measured stretches."""
         inputs, energy = self._inputs, self.forward.energy
         entries = energy.split(self.parameters)
         if self.forward.by_test:
@@ -155,10 +161,25 @@ class SymbolicSheets(SymbolicTests):
         # Expressions of their own, by which stresses are differentiated.
         logs = {axis: inputs.get(f"{block}_{axis}") for axis in "xy"}
         known = {axis: pt.as_tensor(log) + 0.0 for axis, log in logs.items() if log is not None}
-        x, y, log_x, log_y = stresses_at(energy, known.get("x"), known.get("y"), entries)
+        true = {axis: self._true_stretch(block, log) for axis, log in known.items()}
+        x, y, log_x, log_y = stresses_at(energy, true.get("x"), true.get("y"), entries)
+        if (factor := self._factor("sheet_thickness", block)) is not None:
+            x, y = x * factor, y * factor
         nominal = inputs[f"{block}_nominal"]
         # Nominal stress is Cauchy stress over stretch.
         return {"x": x * pt.exp(-nominal * log_x), "y": y * pt.exp(-nominal * log_y)}, known
+
+    def _true_stretch(self, block: str, log_stretch: TensorVariable) -> TensorVariable:
+        """Return the logarithm of the true stretch: the gauge length may have an error."""
+        factor = self._factor("gauge_length", block)
+        return log_stretch if factor is None else pt.log1p(pt.expm1(log_stretch) / factor)
+
+    def _factor(self, name: str, block: str) -> TensorVariable | None:
+        """Return the true measure over the measured one at the points of a block."""
+        if name not in self.deviations:
+            return None
+        of_points = self.deviations[name][self._inputs[f"{block}_test"]]
+        return pt.exp(self.forward.sds[name] * of_points)
 
     def _joined(self, blocks: list[TensorVariable]) -> TensorVariable:
         """Values of all blocks, in the order of the points."""

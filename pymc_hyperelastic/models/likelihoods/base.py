@@ -24,7 +24,7 @@ from pymc_hyperelastic.models.forward import (
     forward_model,
     points_of_part,
 )
-from pymc_hyperelastic.models.geometry import check_tube
+from pymc_hyperelastic.models.geometry import check_tube, of_sheets, of_tubes
 from pymc_hyperelastic.models.likelihoods.density import (
     log_likelihood,
     posterior_of_offsets,
@@ -168,13 +168,15 @@ class Likelihood:
         check_inflation_data(data)
         tubes, sheets = tubes_of(data), sheets_of(data)
         _check_kinds(self, tubes, sheets)
+        measures = {"tube": of_tubes(geometry), "sheet": of_sheets(geometry)}
+        for kind, part in (("tube", tubes), ("sheet", sheets)):
+            if measures[kind] and part is None:
+                raise ValueError(
+                    f"a prior is given for {sorted(measures[kind])[0]!r}, a measure of a {kind}, "
+                    f"but the data hold no tests of {kind}s: leave it away"
+                )
         if tubes is not None:
-            self._check_tubes(wall, tubes, geometry)
-        elif geometry:
-            raise ValueError(
-                f"a prior is given for {sorted(geometry)[0]!r}, a measure of a tube, but the data "
-                "hold sheets alone: leave it away"
-            )
+            self._check_tubes(wall, tubes, measures["tube"])
 
     def _check_tubes(
         self,
