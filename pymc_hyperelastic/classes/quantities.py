@@ -204,13 +204,8 @@ def complete_conditions(
         if parts
     }
     tube |= at.geometry()
-    missing = [name for name in measured if name not in tube and name != "opening_angle"]
-    if missing and (wanted or between):
-        raise ValueError(
-            f"{(wanted + between)[0]} is a property of a tube, and the classes hold sheets alone: "
-            f"state {missing} of a tube, at=ph.Conditions(..., tube=ph.Tube(...))"
-        )
-    tube = {"axial_stretch": 1.0, "opening_angle": 0.0} | tube
+    # Sheets have no tube of their own, of which a missing radius is reported later.
+    tube = {"axial_stretch": 1.0} | tube
     if np.ndim(tube["axial_stretch"]):
         raise ValueError(f"{at.tube}: expected one axial stretch, at which all are compared")
     at = replace(at, pressure=0.0 if at.pressure is None else at.pressure, tube=Tube(**tube))
