@@ -240,7 +240,7 @@ def _data_sentence(data: Mapping[str, xr.Dataset], specimens: Mapping[str, int])
 
 
 def _what(data: Iterable[xr.Dataset]) -> str:
-    """Return what was modelled: a tube, a sheet, or both."""
+    """Describe the modelled specimens: tubes, sheets, or both."""
     sheets = [sheet_tests(d) for d in data]
     if sheets and all(of.all() for of in sheets):
         return "Each sheet was modelled as a thin, incompressible, hyperelastic sheet"
