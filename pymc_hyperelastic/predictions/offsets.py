@@ -11,8 +11,8 @@ from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.quantities import QUANTITIES
 
-# Dimensions of the variables of the offsets.
-_BY_TEST = ("chain", "draw", "test")
+# Dimension of tests of tubes in results that hold tests of sheets, too.
+_TUBE_TEST = "tube_test"
 # Seed of the draws of the offsets: fixed, so that every call returns the same draws.
 _SEED = 1
 
@@ -75,10 +75,18 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
             "ph.Gaussian(..., force_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
-    mean, error = (read_numbers(tree, "posterior", n, _BY_TEST) for n in OFFSET_VARIABLES)
+    mean, error = (_by_test(tree, name) for name in OFFSET_VARIABLES)
     offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
     offset.attrs = QUANTITIES["force_offset"].attributes
     return offset.to_dataset(name="force_offset")
+
+
+def _by_test(tree: xr.DataTree, name: str) -> xr.DataArray:
+    """Return a variable of the offsets with the dimension ``test``, which are tests of tubes."""
+    joint = _TUBE_TEST in tree["posterior"][name].dims
+    test = _TUBE_TEST if joint else "test"
+    found = read_numbers(tree, "posterior", name, ("chain", "draw", test))
+    return found.rename({test: "test"}) if joint else found
 
 
 def knows_offsets(tree: xr.DataTree) -> bool:
@@ -95,7 +103,7 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
-    mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], _BY_TEST).mean(["chain", "draw"])
+    mean = _by_test(tree, OFFSET_VARIABLES[0]).mean(["chain", "draw"])
     offsets = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]

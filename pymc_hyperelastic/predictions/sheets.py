@@ -58,8 +58,8 @@ def predict_stress(
         Stretches along the axes: deformed length over unloaded length. A number stands for all
         points. None, or NaN at some points, stands for a direction in which the sheet is free.
     nominal : bool, default False
-        Whether nominal stresses are returned (force per area of the unloaded cross-section) in
-        place of Cauchy stresses.
+        If True, return nominal stresses (force per area of the unloaded cross-section) in place of
+        Cauchy stresses.
     specimen : str, optional
         Name of the specimen to predict, see the notes of :func:`predict_pressure`: without a name
         it is the typical one, if the specimens of a class differ.

@@ -14,7 +14,14 @@ from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data, of_class, unknowns_of
+from pymc_hyperelastic.reports.fits import (
+    PROB,
+    classes_of,
+    has_data,
+    of_class,
+    tubes_in,
+    unknowns_of,
+)
 from pymc_hyperelastic.reports.meanings import NATS, PARETO_K
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import BAD, CAUTION, NOTE, Page
@@ -170,7 +177,7 @@ def _check_evidence(subject: str, tree: xr.DataTree, page: Page) -> None:
             "the size of the errors was inferred from the same data, or the result is of another "
             "version",
             "Look at the figures of the fit. If the errors are known, state them, as in "
-            "ph.Gaussian(pressure_sd=0.3)",
+            f"ph.Gaussian({'pressure_sd=0.3' if tubes_in(tree) is not None else 'stress_sd=5.0'})",
             subject,
         )
     if not np.isfinite(log_evidence(tree).standard_error) and verdict != VERDICTS[-1]:

@@ -1,11 +1,14 @@
 """Fitted classes and sampled models in a report: fits and parameters."""
 
+from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_fit
@@ -19,6 +22,8 @@ from pymc_hyperelastic.reports.page import (
     Interval,
     Page,
     frame_of,
+    in_words,
+    listed,
 )
 from pymc_hyperelastic.reports.settings import (
     known_wall,
@@ -33,6 +38,8 @@ PROB = 0.95
 _REGIONS = (0.5, PROB)
 # Share of draws with the rarer sign above which the absolute value of a parameter is shown too.
 _BOTH_SIGNS = 0.01
+# Dimensions of variables that are no unknowns.
+_OF_DATA = {"obs", "tube_obs", "sheet_obs", "test", "tube_test"}
 # Signals of a fit, in the titles of their figures.
 _SIGNALS = {
     "pressure": "pressure",
@@ -40,6 +47,7 @@ _SIGNALS = {
     "axial_force": "axial force",
     "extension_radius": "radius in extension tests",
     "extension_force": "axial force in extension tests",
+    "stress": "stress of sheets",
 }
 
 
@@ -49,8 +57,14 @@ def classes_of(result: xr.DataTree, page: Page) -> dict[str, xr.DataTree]:
 
 
 def has_data(tree: xr.DataTree) -> bool:
-    """Return True if a result holds the inflation data to which it was fitted."""
-    return "constant_data" in tree.children and "radius" in tree["constant_data"].data_vars
+    """Return True if a result holds the data to which it was fitted."""
+    held = tree.children.get("constant_data", {})
+    return "radius" in held or "stretch_x" in held
+
+
+def tubes_in(tree: xr.DataTree) -> xr.Dataset | None:
+    """Return the tests of tubes to which a result was fitted; None if it holds none."""
+    return tubes_of(inflation_data_of(tree)) if has_data(tree) else None
 
 
 def of_class(name: str, result: xr.Dataset, names: str) -> pd.DataFrame:
@@ -77,14 +91,9 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         page.text("The result holds no data with which its curves could be compared.")
         return
     differ = all(map(specimens_differ, classes.values()))
-    whose = "each specimen" if differ else "the class in the tube of each specimen"
-    note = (
-        f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose}, "
-        "without measurement error. Points: data."
-    )
-    residuals = all(map(knows_noise, classes.values()))
+    residuals, strips = all(map(knows_noise, classes.values())), ""
     if residuals:
-        note += (
+        strips = (
             " Strips: residuals in standard deviations of the measurement error; if the model is "
             "right, about 19 of 20 lie between the dashed lines."
         )
@@ -93,6 +102,13 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         what = _SIGNALS[signal]
         if any("outer_diameter" in inflation_data_of(tree) for tree in classes.values()):
             what = what.replace("radius", "outer diameter")
+        whose = "each specimen" if differ else "the class in the tube of each specimen"
+        if signal == "stress":
+            whose = "the specimen of each test" if differ else "each test"
+        note = (
+            f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose},"
+            f" without measurement error. Points: data.{strips}"
+        )
         page.figure(
             f"Fit of the {what}",
             plot_fit,
@@ -157,6 +173,19 @@ def show_parameters(result: xr.DataTree, page: Page) -> None:
     if len(found) > 1:
         note += "A class is the model of the specimens of one group."
     page.table("Parameters", pd.DataFrame(rows, dtype=object), note.strip())
+    with_data = [tree for tree in classes.values() if has_data(tree)]
+    if names and with_data and all(tubes_in(tree) is None for tree in with_data):
+        _summarise(names[0], found, rows[0], page)
+
+
+def _summarise(
+    name: str, found: Mapping[str, Mapping[str, Interval]], row: Mapping[str, Any], page: Page
+) -> None:
+    """Note the first parameter, in place of a property of a tube."""
+    values = [f"{in_words(own[name])} in {of}" for of, own in found.items() if name in own]
+    what = f"The {row['meaning']} ({name})" if row["meaning"] else name
+    unit = f", in {row['unit']}" if row["unit"] else ""
+    page.values.append(f"{what} is {listed(values)}{unit} (median, {100 * PROB:.3g} % interval).")
 
 
 def _intervals(tree: xr.DataTree) -> dict[str, Interval]:
@@ -185,7 +214,7 @@ def unknowns_of(tree: xr.DataTree) -> xr.Dataset:
     posterior = tree["posterior"].to_dataset()
     chosen = {}
     for name, draws in posterior.data_vars.items():
-        if draws.ndim > 3 or {"obs", "test"} & {*draws.dims} or name == "correlation_unit":
+        if draws.ndim > 3 or _OF_DATA & {*draws.dims} or name == "correlation_unit":
             continue
         chosen[name] = draws
         if draws.ndim == 2 and _BOTH_SIGNS < float((draws < 0).mean()) < 1 - _BOTH_SIGNS:

@@ -1,4 +1,4 @@
-"""Inflation data in a report: a table of specimens, and the curves."""
+"""Measured data in a report: a table of specimens, or of tests of sheets, and the curves."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,8 +12,11 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     measured_radius,
 )
-from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.data.select import specimens_apart, tests_at
+from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
+from pymc_hyperelastic.data.variables import OPTIONAL_LABELS, STRESS_MEASURE
 from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.reports.page import NOTE, Page, listed, plural
 from pymc_hyperelastic.rounding import short
@@ -26,6 +29,9 @@ _QUANTITIES = {
     "outer_radius": ("outer radius without load (mm)", 1.0),
     "opening_angle": ("opening angle (°)", np.pi / 180),
 }
+
+# Stretch along an axis in which a sheet is free.
+_FREE = "free"
 
 
 def tube_in_words(sizes: Mapping[str, float]) -> str:
@@ -63,11 +69,19 @@ def show_measurements(data: xr.Dataset, page: Page) -> None:
     if words and words not in page.shown:
         page.shown.add(words)
         page.text(words)
+    tubes, sheets = tubes_of(data), sheets_of(data)
+    if tubes is not None:
+        _show_tubes(tubes, page, alone=sheets is None)
+    if sheets is not None:
+        _show_sheets(sheets, page, alone=tubes is None)
+
+
+def _show_tubes(data: xr.Dataset, page: Page, alone: bool) -> None:
     specimens = specimens_apart(data)
     rows = [_specimen_row(name, own, page.at.pressure_unit) for name, own in specimens.items()]
-    page.table("Specimens", pd.DataFrame(rows))
+    page.table("Specimens" if alone else "Specimens, tubes", pd.DataFrame(rows))
     page.figure(
-        "Measured curves",
+        "Measured curves" if alone else "Measured curves of tubes",
         plot_inflation,
         data,
         note=f"{_counts(data, len(specimens))}.",
@@ -76,7 +90,39 @@ def show_measurements(data: xr.Dataset, page: Page) -> None:
     )
 
 
+def _show_sheets(data: xr.Dataset, page: Page, alone: bool) -> None:
+    rows = [_sheet_row(tests_at(data, [test])) for test in range(data.sizes["test"])]
+    free = any(_FREE in row.values() for row in rows)
+    note = "Along an axis in which the sheet was free no stretch is needed." if free else ""
+    page.table("Tests of sheets", pd.DataFrame(rows), note)
+    count = len(dict.fromkeys(data["specimen"].values.tolist()))
+    page.figure(
+        "Measured stresses" if alone else "Measured stresses of sheets",
+        plot_sheet_tests,
+        data,
+        note=f"{_counts(data, count)}.",
+    )
+
+
+def _sheet_row(test: xr.Dataset) -> dict[str, Any]:
+    """Return a row of the table of tests of sheets."""
+    labels = ("specimen", "group", "experiment", *OPTIONAL_LABELS)
+    row: dict[str, Any] = {
+        name: str(test[name].values[0]) for name in labels if name in test.coords
+    }
+    measure = str(test["stress_measure"].values[0]).replace("cauchy", "Cauchy")
+    row |= {"points": test.sizes["obs"], "stress": measure}
+    for axis in "xy":
+        free = not np.isfinite(test[f"stretch_{axis}"].values).any()
+        row[f"stretch along {axis}"] = _FREE if free else _range(test[f"stretch_{axis}"])
+        row[f"stress along {axis} (kPa)"] = _range(test[f"stress_{axis}"])
+    return row
+
+
 def _counts(data: xr.Dataset, specimens: int) -> str:
+    if STRESS_MEASURE in data.variables:
+        tests = plural(data.sizes["test"], "test")
+        return f"{plural(specimens, 'specimen')}, {tests}, {plural(data.sizes['obs'], 'point')}"
     extended = int(extension_tests(data).sum())
     tests = plural(data.sizes["test"], "experiment")
     if extended:

@@ -12,12 +12,12 @@ from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, po
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
+from pymc_hyperelastic.models.settings import has_layers
 from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.quantities import unit_text
-from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data
+from pymc_hyperelastic.reports.fits import PROB, classes_of, tubes_in
 from pymc_hyperelastic.reports.measurements import tube_in_words
 from pymc_hyperelastic.reports.page import Interval, Page, in_words, listed
 from pymc_hyperelastic.rounding import short
@@ -46,9 +46,10 @@ _PROPERTIES = [
 def show_properties(result: xr.DataTree, page: Page) -> None:
     """Add a figure and a table of elastic properties."""
     classes = classes_of(result, page)
-    if not all(map(has_data, classes.values())):
+    held = [tubes_in(tree) for tree in classes.values()]
+    data = [tubes for tubes in held if tubes is not None]
+    if not data or len(data) < len(held):
         return
-    data = [inflation_data_of(tree) for tree in classes.values()]
     at = page.at
     if at.pressure is None:
         span = _common_pressures(data)

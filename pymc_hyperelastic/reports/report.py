@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
+from pymc_hyperelastic.data.variables import sheet_tests
 from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
@@ -32,8 +33,10 @@ from pymc_hyperelastic.reports.settings import add_methods, show_settings
 from pymc_hyperelastic.reports.summary import show_laws, summarise
 from pymc_hyperelastic.reports.versions import show_versions, versions_of
 
-# Beginning of the sentence on a strain energy, and that on a further one.
-_MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
+# Beginnings of the sentence on a strain energy, and those on a further one.
+_MODELLED = {
+    f"Each {of} was modelled": f"Each {of} was also modelled" for of in ("vessel", "sheet")
+}
 # Titles of the chapters by anchor, in their order on the page. The sentences on methods are at its
 # end; those of fits are written first.
 CHAPTERS = {
@@ -102,6 +105,7 @@ TABLES = (
     Kind("Planned tests", "information design tests", {"design": show_designs}),
     Kind("Planned study", "width decided specimens", {"design": show_plan}),
     Kind("Data", "pressure radius specimen", {"data": show_measurements}),
+    Kind("Data", "stretch_x stress_x specimen", {"data": show_measurements}),
 )
 
 
@@ -127,10 +131,10 @@ def report(
     result : xarray.DataTree, xarray.Dataset, or a list or dict of them
         Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`,
         :func:`explain_classification`, :func:`fit_cohort`, :func:`compare_classes`,
-        :func:`cross_validate`, :func:`expected_information` and :func:`plan_study`, or
-        inflation data. Several are given as a list, or as a dict of titles to results. If more than
-        200 specimens were classified, decisions are counted, and the specimens with the least clear
-        class are shown.
+        :func:`cross_validate`, :func:`expected_information` and :func:`plan_study`, or data of
+        tubes or sheets. Several are given as a list, or as a dict of titles to results. If more
+        than 200 specimens were classified, decisions are counted, and the specimens with the least
+        clear class are shown.
     path : str or path
         The file. Its folder is made if needed. An existing file is replaced once the new one is
         complete.
@@ -196,6 +200,7 @@ def report(
         title=title or _title_of(results),
         results=[f"{name} ({kind_of(each).title.lower()})" for name, each in results.items()],
         page=page,
+        subject=_subject(page),
         summary=summarise(page),
         chapters=chapters,
         methods=_methods(page.methods, results),
@@ -224,7 +229,7 @@ def kind_of(result: Any) -> Kind:
     raise TypeError(
         "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.fit_cohort, "
         "ph.compare_classes, ph.cross_validate, ph.expected_information and ph.plan_study, "
-        "inflation data, or a list or a dict of titles with several of these; got "
+        "data of tubes or sheets, or a list or a dict of titles with several of these; got "
         f"{_described(result)}"
     )
 
@@ -327,12 +332,23 @@ def _title_of(results: Mapping[str, Any]) -> str:
     return ", ".join(titles) or "Report of a study"
 
 
+def _subject(page: Page) -> str:
+    """Return what the page is about: tubes, sheets, or both."""
+    sheets = [sheet_tests(data) for data in page.data]
+    if any(of.any() for of in sheets):
+        alone = all(of.all() for of in sheets)
+        return "stretched sheets" if alone else "inflated tubes and stretched sheets"
+    return "inflated tubes"
+
+
 def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
     """Return the paragraph on the methods, each sentence once, and the versions of packages."""
     paragraph: list[str] = []
     for sentence in dict.fromkeys(sentences):
-        several = any(other.startswith(_MODELLED) for other in paragraph)
-        paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
+        for first, also in _MODELLED.items():
+            if any(other.startswith(first) for other in paragraph):
+                sentence = sentence.replace(first, also)
+        paragraph.append(sentence)
     versions: dict[str, list[str]] = {}
     for result in results.values():
         for name, numbers in versions_of(result).items():

@@ -12,6 +12,8 @@ import xarray as xr
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.data.sheets import tubes_of
+from pymc_hyperelastic.data.variables import sheet_tests
 from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_json, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import shown
@@ -205,7 +207,7 @@ def add_methods(result: xr.DataTree, page: Page) -> None:
     data = {
         name: inflation_data_of(tree)
         for name, tree in trees.items()
-        if "radius" in tree.children.get("constant_data", {})
+        if {"radius", "stretch_x"} & {*tree.children.get("constant_data", {})}
     }
     specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
     if data:
@@ -214,29 +216,44 @@ def add_methods(result: xr.DataTree, page: Page) -> None:
             page.methods.append("Axial forces were measured too.")
             if not all(map(uses_forces, trees.values())):
                 page.methods.append("The likelihood does not include them.")
-    page.methods += _model_sentences(settings, max(specimens.values(), default=1) > 1)
+    several = max(specimens.values(), default=1) > 1
+    page.methods += _model_sentences(settings, several, _what(data.values()))
     page.methods.append(_sampling_sentence(settings, trees.values()))
 
 
 def _data_sentence(data: Mapping[str, xr.Dataset], specimens: Mapping[str, int]) -> str:
     in_each = listed([f"{count} in {name}" for name, count in specimens.items()])
-    extended = any(extension_tests(d).any() for d in data.values())
+    tubes = [of for d in data.values() if (of := tubes_of(d)) is not None]
+    kinds = ["inflation"] if tubes else []
+    kinds += ["extension"] if any(extension_tests(of).any() for of in tubes) else []
+    curves = f"{' and '.join(kinds)} curves" if tubes else ""
+    if any(sheet_tests(d).any() for d in data.values()):
+        curves = " and ".join(filter(None, [curves, "stresses of sheets"]))
     simulated = any(d.attrs.get("simulated") for d in data.values())
     tests, points = (sum(d.sizes[dim] for d in data.values()) for dim in ("test", "obs"))
     return (
-        f"The {'simulated ' if simulated else ''}inflation{' and extension' if extended else ''} "
-        f"curves of {plural(sum(specimens.values()), 'specimen')}"
+        f"The {'simulated ' if simulated else ''}{curves} "
+        f"of {plural(sum(specimens.values()), 'specimen')}"
         f"{f' ({in_each})' if len(data) > 1 else ''} were analysed: "
         f"{plural(tests, 'experiment')} with {plural(points, 'point')}."
     )
 
 
-def _model_sentences(settings: Settings, several: bool) -> list[str]:
+def _what(data: Iterable[xr.Dataset]) -> str:
+    """Describe the modelled specimens: tubes, sheets, or both."""
+    sheets = [sheet_tests(d) for d in data]
+    if sheets and all(of.all() for of in sheets):
+        return "Each sheet was modelled as a thin, incompressible, hyperelastic sheet"
+    tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
+    joint = any(of.any() for of in sheets)
+    return f"{tube}, and each sheet as a thin sheet of the same material," if joint else tube
+
+
+def _model_sentences(settings: Settings, several: bool, tube: str) -> list[str]:
     """Describe the model of one specimen, or of `several`."""
     if not settings.wall:
         return ["The result does not say which model was fitted."]
     laws = [law_in_words(layer.energy) for layer in settings.wall]
-    tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
     if len(laws) > 1:
         layers = plural(len(laws), "layer")
         sentences = [f"{tube} of {layers} with, from the inside out, {'; '.join(laws)}."]

@@ -7,6 +7,8 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
+from pymc_hyperelastic.data.sheets import tubes_of
+from pymc_hyperelastic.data.variables import sheet_tests
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.reports.fits import PROB
@@ -51,9 +53,13 @@ def _data_sentence(data: list[xr.Dataset]) -> str:
 
 
 def _signals(data: list[xr.Dataset]) -> list[str]:
-    radius = {"outer diameter" if "outer_diameter" in d else "internal radius" for d in data}
+    tubes = [of for d in data if (of := tubes_of(d)) is not None]
+    radius = {"outer diameter" if "outer_diameter" in d else "internal radius" for d in tubes}
+    pressure = ["pressure", *sorted(radius)] if tubes else []
+    sheets = [d for d in data if sheet_tests(d).any()]
     force = any("axial_force" in d and bool(d["axial_force"].notnull().any()) for d in data)
-    return ["pressure", *sorted(radius), *(["axial force"] if force else [])]
+    of_sheets = ["stretches and stresses of sheets"] if sheets else []
+    return [*pressure, *(["axial force"] if force else []), *of_sheets]
 
 
 def _limits_sentence(page: Page) -> str:

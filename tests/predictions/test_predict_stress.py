@@ -141,6 +141,16 @@ def test_joint_result_predicts_both_kinds():
     )
 
 
+def test_force_offsets_of_a_joint_result_are_those_of_its_tubes():
+    names = [f"test {i}" for i in range(2)]
+    dims, draws = ("chain", "draw", "tube_test"), np.ones((1, 3, 2))
+    offsets = {n: (dims, draws) for n in ("force_offset_mean", "force_offset_error")}
+    tree = xr.DataTree.from_dict({"posterior": xr.Dataset(offsets, {"tube_test": names})})
+    found = ph.force_offsets(tree)["force_offset"]
+    assert found.dims == ("chain", "draw", "test")
+    assert found["test"].values.tolist() == names
+
+
 def test_specimen_names_the_sheet():
     tree = fitted_to(joint_by_hand(), "NeoHookean", result(mu=[20.0, 30.0]))
     assert ph.predict_stress(tree, 1.1, specimen="S1").attrs["specimen"] == "S1"
