@@ -2,6 +2,7 @@
 
 import warnings
 
+import fits
 import numpy as np
 import pytest
 import xarray as xr
@@ -149,6 +150,16 @@ def test_force_offsets_of_a_joint_result_are_those_of_its_tubes():
     found = ph.force_offsets(tree)["force_offset"]
     assert found.dims == ("chain", "draw", "test")
     assert found["test"].values.tolist() == names
+
+
+@pytest.mark.parametrize(("specimen", "mu"), [(None, 38.0), ("A1", 30.0), ("A3", 50.0)])
+def test_specimens_of_a_class_of_tubes_have_their_own_stresses(specimen, mu):
+    """The name selects a measured specimen; without it the typical one is predicted."""
+    tree = fits.fit("neo_hookean_classes")["soft"]
+    found = ph.predict_stress(tree, 1.1, 1.0, specimen=specimen)
+    moduli = found["stress_x"].values / (1.1**2 - 1.1**-2)
+    assert abs(moduli.mean() - mu) < 4 * moduli.std()
+    assert found.attrs["specimen"] == (specimen or "typical")
 
 
 def test_specimen_names_the_sheet():
