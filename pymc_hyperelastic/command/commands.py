@@ -20,12 +20,14 @@ from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, cla
 from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.files.read import settings_of_study
 from pymc_hyperelastic.data.select import select
+from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.io.results import save_result
 from pymc_hyperelastic.io.store import OtherWork, Store
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.reports.report import report as write_report
 
@@ -126,7 +128,11 @@ def check(
     if figure.is_dir() or not figure.suffix:
         raise ValueError(f"--figure is {str(figure)!r}; expected a file such as curves.png")
     figure.parent.mkdir(parents=True, exist_ok=True)
-    plot_inflation(data, pressure_unit=_IN_MMHG.pressure_unit).savefig(figure, dpi=150)
+    if tubes_of(data) is None:
+        drawn = plot_sheet_tests(data)
+    else:  # a figure has tests of one kind
+        drawn = plot_inflation(data, pressure_unit=_IN_MMHG.pressure_unit)
+    drawn.savefig(figure, dpi=150)
     typer.echo(f"\nThe curves are drawn in {figure}.")
 
 

@@ -68,10 +68,9 @@ class TubeOp(TensorSymbolicOp):
         gradients = grad(None, own, known_grads=known, **settings)
         given = dict(zip([*own, *found], [*inputs, *outputs], strict=True))
         finite = reduce(and_, [pt.all(pt.abs(x) < OVERFLOW) for x in compress(outputs, used)])
-        return [
-            pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
-            for g in graph_replace(gradients, given, strict=False)
-        ]
+        connected = [g for g in gradients if isinstance(g, Tensor)]
+        replaced = iter(graph_replace(connected, given, strict=False) if connected else [])
+        return [_bounded(next(replaced), finite) if isinstance(g, Tensor) else g for g in gradients]
 
     def known_gradients(self, inputs: Any, outputs: Any, cotangents: Any) -> Iterable[tuple]:
         """Return expressions of the inputs, at known outputs, and gradients by these."""
@@ -80,6 +79,10 @@ class TubeOp(TensorSymbolicOp):
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
+
+
+def _bounded(gradient: Tensor, finite: Tensor) -> Tensor:
+    return pt.where(pt.isfinite(gradient) | finite, gradient, 0.0)
 
 
 @lru_cache
