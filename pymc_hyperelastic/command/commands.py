@@ -65,6 +65,10 @@ ForceOffsetSd = Annotated[
 DiameterSd = Annotated[
     str | None, typer.Option(help="Standard deviation of diameters, as in '5 um'.")
 ]
+StressSd = Annotated[
+    str | None,
+    typer.Option(help="Standard deviation of stresses of sheets, as in '5 kPa', or unknown."),
+]
 Sigma = Annotated[
     str | None,
     typer.Option(
@@ -113,7 +117,7 @@ def command(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
-    """Inflated soft tubes: from tables to probabilities. Start with 'check FILE'."""
+    """Tests of soft tubes and sheets: from tables to probabilities. Start with 'check FILE'."""
 
 
 @app.command()
@@ -151,6 +155,7 @@ def fit(
     force_sd: ForceSd = None,
     force_offset_sd: ForceOffsetSd = None,
     diameter_sd: DiameterSd = None,
+    stress_sd: StressSd = None,
     sigma: Sigma = None,
     force_sigma: ForceSigma = None,
     slope_weight: SlopeWeight = None,
@@ -171,6 +176,7 @@ def fit(
         "force_sd": force_sd,
         "force_offset_sd": force_offset_sd,
         "diameter_sd": diameter_sd,
+        "stress_sd": stress_sd,
         "sigma": sigma,
         "force_sigma": force_sigma,
         "slope_weight": slope_weight,

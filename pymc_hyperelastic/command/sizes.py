@@ -7,6 +7,7 @@ from typing import Any, Literal
 import pymc as pm
 import xarray as xr
 
+from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.models.likelihoods import (
     Gaussian,
@@ -25,9 +26,10 @@ _QUANTITIES: dict[str, Quantity] = {
     "force_sigma": "force",
     "force_offset_sd": "force",
     "diameter_sd": "length",
+    "stress_sd": "pressure",
 }
 # Sizes of a Gaussian likelihood only.
-_WITHOUT_SLOPES = ("pressure_sd", "force_sd", "diameter_sd")
+_WITHOUT_SLOPES = ("pressure_sd", "force_sd", "diameter_sd", "stress_sd")
 # Sizes of a slope-augmented likelihood only.
 _WITH_SLOPES = ("force_sigma", "slope_weight")
 # Scales of the half-normal priors of unknown sizes. They are wide: an error as large as the scale
@@ -37,6 +39,8 @@ _PRIOR_SDS: dict[Quantity, float] = {
     "force": 10.0,  # mN
     "length": 0.05,  # mm
 }
+# The same for stresses of sheets, which are several times the pressures of tubes.
+_PRIOR_SD_OF_STRESSES = 10.0  # kPa
 
 
 def likelihood_of_options(
@@ -52,7 +56,7 @@ def likelihood_of_options(
     table : dict of str to str or float
         The table ``[likelihood]`` of a settings file. An option replaces its value.
     data : xarray.Dataset
-        Inflation data, for the balanced slope weight.
+        The tests: their kinds, and the balanced slope weight.
 
     Raises
     ------
@@ -76,13 +80,16 @@ def likelihood_of_options(
                 f"{places[name]} away"
             )
     weight = values.pop("slope_weight", None)
-    if not with_slopes:
+    if not with_slopes and tubes_of(data) is not None:
         values.setdefault("pressure_sd", UNKNOWN)
+    if sheets_of(data) is not None:
+        values.setdefault("stress_sd", UNKNOWN)
     errors: dict[str, Any] = {}
     for name, value in values.items():
         quantity = _QUANTITIES[name]
         if value == UNKNOWN and name != "force_offset_sd":
-            errors[name] = pm.HalfNormal.dist(_PRIOR_SDS[quantity])
+            wide = _PRIOR_SD_OF_STRESSES if name == "stress_sd" else _PRIOR_SDS[quantity]
+            errors[name] = pm.HalfNormal.dist(wide)
         else:
             errors[name] = size_of(places[name], value, quantity)
     if not with_slopes:
