@@ -10,7 +10,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import (
     at_points,
-    check_inflation_data,
+    check_data,
     extension_tests,
     points_of,
 )
@@ -103,7 +103,7 @@ def plot_inflation(
     >>> figure.viz["plot"]["group"].values
     array(['C1', 'C2'], dtype='<U2')
     """
-    check_inflation_data(data)
+    check_data(data)
     if group_by not in (*_GROUPINGS, None):
         names = ", ".join(_GROUPINGS)
         raise ValueError(f"group_by must be one of {names} or None, not {group_by!r}")

@@ -10,7 +10,7 @@ import pymc as pm
 import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -132,7 +132,7 @@ class Likelihood:
         """Raise unless the data have all that the likelihood of such a tube needs."""
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
-        check_inflation_data(data)
+        check_data(data)
         check_tube(wall, data, geometry)
         if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
             raise ValueError(
