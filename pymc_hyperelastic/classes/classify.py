@@ -11,7 +11,7 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification, in_doubt
-from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.inflation import check_data, describe_test
 from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import units_of
 from pymc_hyperelastic.evidence.keeping import seed_kept
@@ -183,7 +183,7 @@ def classify(
     >>> result["class_probability"].idxmax("class_label").item()
     'C2'
     """
-    check_inflation_data(new_data)
+    check_data(new_data)
     like = representatives(new_data)
     settings: dict[str, Any] = {
         "class_prior": class_prior,

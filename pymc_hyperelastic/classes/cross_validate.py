@@ -19,7 +19,7 @@ from pymc_hyperelastic.classes.fit import check_groups, manifest_of
 from pymc_hyperelastic.classes.interface import ClassKind, Fold, Groups
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, seed_kept
@@ -125,7 +125,7 @@ def cross_validate(
     check_count("draws", draws, 100)
     check_groups(groups)
     for data in groups.values():
-        check_inflation_data(data)
+        check_data(data)
     # Names of specimens may be numbers: convert them to text, as in `leave_out` and in results.
     groups = {
         name: data.assign_coords(specimen=data["specimen"].astype(str))

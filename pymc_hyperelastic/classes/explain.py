@@ -8,7 +8,7 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import units_of
 from pymc_hyperelastic.parallel import one_thread
@@ -94,7 +94,7 @@ def explain_classification(
     >>> bool(found["log_ratio_part"].sel(class_label="C2").sum("part") > 0)  # against class C1
     True
     """
-    check_inflation_data(new_data)
+    check_data(new_data)
     classification = Classification(
         classes,
         representatives(new_data),

@@ -129,7 +129,7 @@ def measured_radius(data: xr.Dataset) -> xr.DataArray:
     return data["outer_diameter"] / 2 if "outer_diameter" in data else data["radius"]
 
 
-def check_inflation_data(data: xr.Dataset) -> None:
+def check_data(data: xr.Dataset) -> None:
     """Raise unless `data` is a sound Dataset of tests of tubes, of sheets, or of both.
 
     That is a Dataset as :func:`inflation_data` and :func:`sheet_data` build it. A variable may be

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import (
-    check_inflation_data,
+    check_data,
     describe_test,
     extension_tests,
     listed,
@@ -68,7 +68,7 @@ def select(
     >>> ph.select(data, group="C2", experiment=[1, 2]).sizes["test"]
     4
     """
-    check_inflation_data(data)
+    check_data(data)
     keep = np.ones(data.sizes["test"], dtype=bool)
     given = {"specimen": specimen, "experiment": experiment, "group": group}
     given |= {"cycle": cycle, "phase": phase, **labels}

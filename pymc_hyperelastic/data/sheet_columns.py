@@ -25,7 +25,6 @@ StatedStress = Literal["cauchy", "nominal", "force"]
 Kind = Literal["biaxial", "uniaxial", "uniaxial_x", "uniaxial_y", "equibiaxial", "pure_shear"]
 
 AXES = ("x", "y")
-_OTHER = {"x": "y", "y": "x"}
 
 
 class Deformation(NamedTuple):

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import plain_array
-from pymc_hyperelastic.data.inflation import at_points, check_inflation_data
+from pymc_hyperelastic.data.inflation import at_points, check_data
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.data.variables import (
     OPTIONAL,
@@ -94,7 +94,7 @@ def combine_tests(*datasets: xr.Dataset) -> xr.Dataset:
                 "the datasets are in a list: give them by themselves, combine_tests(*list)"
             )
         try:
-            check_inflation_data(data)
+            check_data(data)
         except (TypeError, ValueError) as error:
             raise type(error)(f"dataset {number}: {error}") from None
     if not datasets:
@@ -110,7 +110,7 @@ def combine_tests(*datasets: xr.Dataset) -> xr.Dataset:
     combined["test"] = ("obs", np.concatenate(test), datasets[0]["test"].attrs)
     coordinates = dict.fromkeys(name for data in datasets for name in data.coords if name in names)
     data = xr.Dataset(combined, attrs=_attributes(datasets)).set_coords(list(coordinates))
-    check_inflation_data(data)
+    check_data(data)
     return data
 
 

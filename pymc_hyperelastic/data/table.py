@@ -17,7 +17,7 @@ from pymc_hyperelastic.data.columns import (
 )
 from pymc_hyperelastic.data.extension import stretches_of
 from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
-from pymc_hyperelastic.data.inflation import check_inflation_data, defects_of
+from pymc_hyperelastic.data.inflation import check_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
@@ -226,7 +226,7 @@ def refuse_defects(data: xr.Dataset, rows: Rows) -> None:
         if test not in rows.failed:
             rows.problems.add(place, what, dimension, of_test)
     rows.problems.stop()
-    check_inflation_data(data)
+    check_data(data)
 
 
 def dataset_of(

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.evidence.stored import (
     from_json,
     is_said,
@@ -298,7 +298,7 @@ def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
     with reading(tree):
         if not {"pressure", "stress_x"} & set(data) and "observed_data" in tree.children:
             data = xr.merge([tree["observed_data"].to_dataset(), data])
-        check_inflation_data(data)
+        check_data(data)
     return data
 
 

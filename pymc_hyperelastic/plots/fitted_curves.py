@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import (
     at_points,
-    check_inflation_data,
+    check_data,
     evenly_along,
     extension_tests,
     held_stretches,
@@ -171,7 +171,7 @@ def data_beside(classes: Mapping[str, xr.DataTree], data: Any) -> dict[str, xr.D
             if not holds_inflation_data(tree):
                 raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
             own = inflation_data_of(tree)
-        check_inflation_data(own)
+        check_data(own)
         shown[name] = own
     return shown
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import (
     at_points,
-    check_inflation_data,
+    check_data,
     extension_tests,
     points_of,
 )
@@ -105,7 +105,7 @@ def plot_inflation(
     >>> figure.viz["plot"]["group"].values
     array(['C1', 'C2'], dtype='<U2')
     """
-    check_inflation_data(data)
+    check_data(data)
     tubes = tubes_of(data)
     if tubes is None:
         raise ValueError("the data hold no tubes: tests of sheets are shown by plot_sheet_tests")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.data.sheets import sheets_of
 from pymc_hyperelastic.parallel import one_thread
@@ -88,7 +88,7 @@ def plot_sheet_tests(
     >>> figure.viz["plot"]["experiment"].values.tolist()
     ['uniaxial', 'equibiaxial', 'pure shear']
     """
-    check_inflation_data(data)
+    check_data(data)
     if group_by not in (*_GROUPINGS, None):
         names = ", ".join(_GROUPINGS)
         raise ValueError(f"group_by must be one of {names} or None, not {group_by!r}")

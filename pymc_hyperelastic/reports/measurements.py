@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import (
-    check_inflation_data,
+    check_data,
     extension_tests,
     measured_radius,
 )
@@ -59,7 +59,7 @@ def warn_of_simulated(attrs: Any, page: Page) -> None:
 def show_measurements(data: xr.Dataset, page: Page) -> None:
     """Add where the data come from, a table of the specimens, and the curves."""
     with page.catching(page.title):
-        check_inflation_data(data)
+        check_data(data)
     warn_of_simulated(data.attrs, page)
     if any(data.identical(shown) for shown in page.data):
         return

@@ -9,7 +9,7 @@ from tables import build, by_diameter, curve
 from written import message_of
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.inflation import at_points, check_inflation_data, extension_tests
+from pymc_hyperelastic.data.inflation import at_points, check_data, extension_tests
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 
 TUBES = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S4", experiment=[1, 2])
@@ -28,7 +28,7 @@ def test_tubes_and_sheets_give_joint_data_that_come_apart_again(tmp_path):
     assert data.attrs == TUBES.attrs
     data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
     loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
-    check_inflation_data(loaded)
+    check_data(loaded)
     xr.testing.assert_identical(loaded, data)
     back = ph.combine_tests(by_hand(), TUBES)
     assert back["stress_measure"].values.tolist() == ["cauchy", "nominal", "", ""]

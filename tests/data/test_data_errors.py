@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from tables import SECTOR, build, by_diameter, changed, good_frame, with_diameters, with_values
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 
 S1E1 = "specimen 'S1', experiment 1"
 S1E2 = "specimen 'S1', experiment 2"
@@ -108,7 +108,7 @@ def test_arguments_of_a_wrong_type_are_refused():
         (lambda: build([1, 2]), "pandas DataFrame, not list"),
         (lambda: build(axial_stretch=True), "axial_stretch is True.*a number"),
         (lambda: build(sd=0.1), "sd must be a dict.*not float"),
-        (lambda: check_inflation_data(good_frame()), r"inflation_data\(frame"),
+        (lambda: check_data(good_frame()), r"inflation_data\(frame"),
     ):
         with pytest.raises(TypeError, match=message):
             call()
@@ -152,4 +152,4 @@ BAD_DATASET = {
 @pytest.mark.parametrize("data, message", BAD_DATASET.values(), ids=BAD_DATASET)
 def test_dataset_changed_by_hand_is_refused(data, message):
     with pytest.raises(ValueError, match=message):
-        check_inflation_data(data)
+        check_data(data)

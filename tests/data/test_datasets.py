@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import mmHg
 
@@ -51,7 +51,7 @@ def test_unknown_dataset_is_refused_with_the_known_names():
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_data_are_valid_and_survive_a_file(name, tmp_path):
     data = load_dataset(name)
-    check_inflation_data(data)
+    check_data(data)
     texts = [data.attrs[key] for key in ("title", "description", "source")]
     simulated = name.startswith("simulated")
     assert data.attrs["simulated"] == simulated

@@ -9,7 +9,7 @@ import xarray as xr
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import (
     at_points,
-    check_inflation_data,
+    check_data,
     extension_tests,
     held_stretches,
 )
@@ -57,7 +57,7 @@ def test_constant_stretch_is_a_value_of_the_test_despite_rounding():
 def test_stretch_is_a_value_of_each_point_if_one_test_is_an_extension_test():
     frame = both()
     data = build(frame)
-    check_inflation_data(data)
+    check_data(data)
     assert data["axial_stretch"].dims == ("obs",)
     np.testing.assert_array_equal(data["axial_stretch"], frame["stretch"])
     np.testing.assert_array_equal(extension_tests(data), [False, True, False])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tiers import deep
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 
 # FUZZ multiplies the number of cases of the second tier, which are then new ones at each run.
 TIMES = int(os.environ.get("FUZZ", "1"))
@@ -111,7 +111,7 @@ def is_sound_or_refused(contents: list[bytes], settings: dict | None) -> bool:
                 assert any(place in str(error) for place in places), error
                 assert len(max(str(error).splitlines(), key=len)) < LONGEST_LINE, error
                 return False
-        check_inflation_data(data)
+        check_data(data)
         assert np.isfinite(data["pressure"]).all()
         assert all(f"{file}: " in data.attrs["understood"] for file in files)
         for warning in caught:

@@ -11,7 +11,7 @@ from tables import FORCES, SECTOR, build, by_diameter, curve, good_frame, with_d
 
 from pymc_hyperelastic.data.inflation import (
     at_points,
-    check_inflation_data,
+    check_data,
     measured_radius,
     points_of,
 )
@@ -96,12 +96,12 @@ def test_internal_radius_follows_from_outer_diameter_and_wall_volume():
 @pytest.mark.parametrize("name", GEOMETRY_NAMES)
 def test_unknown_geometry_gives_nan_radii_under_measured_diameters(name):
     data = by_diameter(with_diameters(axial_force=FORCES), **{name: np.nan})
-    check_inflation_data(data)
+    check_data(data)
     assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
     others = ["outer_diameter", *(other for other in GEOMETRY_NAMES if other != name)]
     assert all(np.isfinite(data[other]).all() for other in others)
     radius = build(**{name: np.nan})
-    check_inflation_data(radius)
+    check_data(radius)
     np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
 
 
@@ -151,12 +151,12 @@ def test_unusual_but_valid_tables_are_read_without_a_warning(form, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         data = build(UNUSUAL[form])
-    check_inflation_data(data)
+    check_data(data)
     assert data.sizes["obs"] == len(UNUSUAL[form])
     for name, expected in (("radius", RADIUS), ("pressure", PRESSURE)):
         repeated = np.resize(expected, data.sizes["obs"])
         np.testing.assert_allclose(data[name], repeated, rtol=SINGLE, err_msg=name)
     data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
     loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
-    check_inflation_data(loaded)
+    check_data(loaded)
     xr.testing.assert_identical(loaded, data)

@@ -14,7 +14,7 @@ from written import message_of
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.datasets import load_dataset
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.sheets import sheet_tests
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
@@ -82,7 +82,7 @@ def test_tables_of_sheets_are_read_by_the_names_of_their_columns(names, columns,
     assert data["stress_measure"].values.tolist() == ["nominal"]
     assert data["row"].values.tolist() == [f"a.csv, line {i}" for i in (2, 3, 4)]
     assert "together: 1 specimen, 1 experiment, 3 points" in data.attrs["understood"]
-    check_inflation_data(data)
+    check_data(data)
 
 
 FIBRES = {
@@ -145,7 +145,7 @@ def test_tubes_and_sheets_of_one_study_are_read_together(written):
     assert sheet_tests(data).tolist() == [False] * 3 + [True] * 3
     assert data["stress_measure"].values[3:].tolist() == ["cauchy", "cauchy", "nominal"]
     assert dict(data.sizes) == {"obs": 13, "test": 6}
-    check_inflation_data(data)
+    check_data(data)
     alone = written(sheets)
     own = ph.select(data, None, ["strip", "biaxial"])
     xr.testing.assert_equal(own.drop_vars("row"), alone.drop_vars("row"))
@@ -368,7 +368,7 @@ def test_randomly_changed_tables_of_sheets_give_valid_data_or_an_error_with_its_
             assert "a.csv" in str(error) or "settings" in str(error), error
             outcomes.add("refused")
             return
-        check_inflation_data(data)
+        check_data(data)
         assert "a.csv: " in data.attrs["understood"]
         outcomes.add("read")
 

@@ -18,7 +18,7 @@ from written import HEAD, KPA_10, KPA_45, ROUNDING, ROWS, message_of
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.files.headers import names_of
 from pymc_hyperelastic.data.files.settings import settings_of
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.quantities import DIAMETERS, IN_TABLES, OF_SHEETS, SHEET_VARIABLES, UNITS
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
@@ -79,7 +79,7 @@ UNDERSTOOD = {
 @pytest.mark.parametrize("files, settings, expected", UNDERSTOOD.values(), ids=UNDERSTOOD)
 def test_files_are_understood_without_a_warning(files, settings, expected):
     data = read(files, settings)
-    check_inflation_data(data)
+    check_data(data)
     for name, values in expected.items():
         if isinstance(values[0], float):
             np.testing.assert_allclose(data[name], values, rtol=ROUNDING, err_msg=name)

@@ -7,7 +7,7 @@ import xarray as xr
 from tables import build, curve
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.inflation import check_data, describe_test
 
 RADIUS = np.linspace(7.2, 9.4, 12)
 PRESSURE = np.exp(RADIUS - 7.0)  # kPa
@@ -84,7 +84,7 @@ def test_loading_and_unloading_in_one_test_are_refused(frame):
 
 def test_each_phase_of_an_experiment_is_a_test():
     data = build(cycle())
-    check_inflation_data(data)
+    check_data(data)
     assert data["phase"].values.tolist() == ["loading", "unloading"]
     assert describe_test(data, 1) == f"{S1E1}, phase 'unloading'"
     up = ph.select(data, phase="loading")

@@ -6,14 +6,14 @@ import xarray as xr
 from tables import build, by_diameter, good_frame
 
 from pymc_hyperelastic.data import select as selecting
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.select import select
 
 
 def test_selected_tests_keep_their_order_and_points_and_are_renumbered():
     data = by_diameter()
     chosen = select(data, specimen=["S2", "S1"], experiment=1)
-    check_inflation_data(chosen)
+    check_data(chosen)
     assert chosen["specimen"].values.tolist() == ["S1", "S2"]
     assert chosen["row"].values.tolist() == [10, 11, 14, 15]
     assert chosen["test"].values.tolist() == [0, 0, 1, 1]

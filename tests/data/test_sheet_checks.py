@@ -6,7 +6,7 @@ import xarray as xr
 from sheet_tables import NAN, by_hand, joint_by_hand
 
 from pymc_hyperelastic.data.datasets import load_dataset
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.select import select, specimens_apart, units_of, without_specimens
 from pymc_hyperelastic.data.sheets import sheet_tests, sheets_of, tubes_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
@@ -26,10 +26,10 @@ def of_both(**changed: dict[int, float]) -> xr.Dataset:
 
 
 def test_sheets_alone_and_joint_data_are_accepted():
-    check_inflation_data(by_hand())
-    check_inflation_data(by_hand(row=None, stress_measure=["nominal", "nominal"]))
-    check_inflation_data(joint_by_hand())
-    check_inflation_data(joint_by_hand(inner_radius=[NAN, 7.0, NAN, NAN]))
+    check_data(by_hand())
+    check_data(by_hand(row=None, stress_measure=["nominal", "nominal"]))
+    check_data(joint_by_hand())
+    check_data(joint_by_hand(inner_radius=[NAN, 7.0, NAN, NAN]))
 
 
 # Data of sheets, and the ValueError.
@@ -135,7 +135,7 @@ BAD_SHEETS = {
 @pytest.mark.parametrize("data, message", BAD_SHEETS.values(), ids=BAD_SHEETS)
 def test_unsound_data_of_sheets_are_refused_with_place_and_value(data, message):
     with pytest.raises(ValueError) as error:
-        check_inflation_data(data)
+        check_data(data)
     assert str(error.value) == message
 
 
@@ -157,7 +157,7 @@ def test_parts_of_joint_data_have_the_variables_of_their_kind():
     xr.testing.assert_equal(apart["S1"], sheets)
     xr.testing.assert_equal(without_specimens(joint, ["S1"]), own)
     for part in (own, *apart.values(), select(joint, None, ["1", "biaxial"])):
-        check_inflation_data(part)
+        check_data(part)
     assert units_of(joint, "specimen") == {"S4": [0, 1], "S1": [2, 3]}
     assert [*units_of(joint, "test")][2:] == [S1B, S1U]
     assert tubes_of(by_hand()) is None and sheets_of(tubes) is None

@@ -12,7 +12,7 @@ from sheet_tables import NAN
 from written import message_of
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.variables import LABELS, POINTS
 from pymc_hyperelastic.quantities import PLAUSIBLE, QUANTITIES, SHEET_VARIABLES
 
@@ -76,7 +76,7 @@ def test_dataset_has_the_documented_variables_units_and_labels():
     np.testing.assert_allclose(data["stress_x"], 40e3 * (X - 1), rtol=ROUNDING)
     assert [data[name].item() for name in labels] == ["S1", 1, "A", 1, "loading", "cauchy"]
     assert data["row"].values.tolist() == [10, 11, 12, 13, 14]
-    check_inflation_data(data)
+    check_data(data)
 
 
 def test_signature_has_ten_parameters_that_are_named_after_the_frame():
@@ -207,7 +207,7 @@ def test_integer_labels_stay_integers_and_group_is_all(tmp_path):
     assert data["group"].item() == "all"
     data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
     loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
-    check_inflation_data(loaded)
+    check_data(loaded)
     xr.testing.assert_identical(loaded, data)
 
 

@@ -12,7 +12,7 @@ import pymc as pm
 import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -165,7 +165,7 @@ class Likelihood:
         """Raise unless the data have all that the likelihood of such a tube needs."""
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
-        check_inflation_data(data)
+        check_data(data)
         tubes, sheets = tubes_of(data), sheets_of(data)
         _check_kinds(self, tubes, sheets)
         measures = {"tube": of_tubes(geometry), "sheet": of_sheets(geometry)}

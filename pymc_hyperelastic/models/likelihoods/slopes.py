@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.linalg import eigvalsh_tridiagonal
 
 from pymc_hyperelastic.data.inflation import (
-    check_inflation_data,
+    check_data,
     describe_test,
     extension_tests,
     measured_radius,
@@ -50,7 +50,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     >>> round(ph.balanced_slope_weight(ph.load_dataset("simulated_sheep_aorta")), 2)
     3.03
     """
-    check_inflation_data(data)
+    check_data(data)
     check_slopes(data)
     slope = measured_slopes(data)
     if not np.any(slope):
