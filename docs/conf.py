@@ -81,7 +81,7 @@ imported_by_examples = r"murine_tables\.py$"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"(sheep_aorta|pulmonary|classify_csv)",
+    "filename_pattern": r"(sheep_aorta|pulmonary|classify_csv|rubber|skin|inflation_and_strip)",
     "ignore_pattern": imported_by_examples,
     "copyfile_regex": rf"{imported_by_examples}|curves\.csv$",
     "image_srcset": ["2x"],  # sharp on dense screens too

@@ -17,10 +17,13 @@ LIMITS = {"timeout": None, "startup_timeout": 3600, "iopub_timeout": 600}
 # Examples that need no external table, and replacements of lines that shorten them.
 SMALL = {
     "classify_csv": {},
+    "inflation_and_strip": {"CHAINS = 300, 2": "CHAINS = 100, 2"},
     "pulmonary_hypertension": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},
+    "rubber": {"CHAINS = 300, 2": "CHAINS = 100, 2"},
     "sheep_aorta": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},
     "simulated_aortas": {"TRAIN, NEW = 8, 200": "TRAIN, NEW = 3, 2"},
     "simulated_cohort": {"OTHER = 40, 500, 200": "OTHER = 8, 20, 8"},
+    "skin": {"CHAINS = 300, 2": "CHAINS = 100, 2"},
     "unloaded_radius": {
         "CHAINS = 300, 2": "CHAINS = 100, 2",
         "    ph.CriscioneType(): {},\n": "",
@@ -127,6 +130,22 @@ def test_true_model_of_the_simulated_aortas_finds_the_group_of_a_specimen(tmp_pa
     known = xr.load_dataset(tmp_path / "results" / "simulated_aortas" / "true_new.nc")
     best = known["class_probability"].idxmax("class_label").values.tolist()
     assert best == ["control", "treated"]
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("study", "figures", "words"),
+    [
+        ("rubber", {"predictions.png"}, ["LopezPamies", "equibiaxial: predicted"]),
+        ("skin", {"left_out.png"}, ["HolzapfelGasserOgden", "without strip y"]),
+        ("inflation_and_strip", {"tests.png", "intervals.png"}, ["SIMULATED", "both / strip"]),
+    ],
+)
+def test_study_of_sheets_prints_its_tables_and_writes_its_figures(study, figures, words, tmp_path):
+    printed = run(study, tmp_path)
+    assert "log evidence" in printed
+    assert all(word in printed for word in words)
+    assert {path.name for path in (tmp_path / "results" / study).iterdir()} == figures
 
 
 @pytest.mark.parametrize("study", sorted(ELSEWHERE))
