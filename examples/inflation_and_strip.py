@@ -7,6 +7,13 @@ its wall is pulled along the hoop direction. The law is fitted to the inflation 
 alone, and to both together. How much is learned from both, about the parameters and about an axial
 stress that no test measured?
 
+**Results.** With both tests the intervals of the parameters have 19 to 62 % of their width with the
+inflation alone, and 7 to 48 % of that with the strip alone. The 95 % interval of the axial stress
+is 76 to 261 kPa from the inflation alone and 96 to 122 kPa from both; the truth is 97 kPa. The
+strip alone determines this stress only within a factor of 60, because the axial stretch in vivo is
+far from its stretches. All intervals contain the truth. The evidence prefers one material for both
+tests to two materials by 2.3 nats, as it should.
+
 **Limits.** The law and the sizes of the errors are the true ones, and the strip and the tube have
 the same material. A strip of a real vessel is cut from a wall with residual stress, and differs
 from the rest of the wall. One vessel does not show how often the intervals contain the truth. The
@@ -17,16 +24,18 @@ are left out.
 
 # sphinx_gallery_thumbnail_number = 2
 
+import warnings
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+import pymc as pm
 import xarray as xr
 
 import pymc_hyperelastic as ph
 
-DRAWS, CHAINS = 300, 2  # draws in a chain, and number of chains
+DRAWS, CHAINS = 800, 2  # draws in a chain, and number of chains
 OUT = Path("results/inflation_and_strip")  # folder of the results
 OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(1)
@@ -79,8 +88,15 @@ strip = ph.sheet_data(frame, kind="uniaxial", stress="cauchy")
 # %%
 # Fit each test, and both together
 # --------------------------------
-# The priors are the defaults. The errors are known. A result of one test ignores the error of the
-# other one.
+# The medians of the priors are those of the seven aortas, rounded, but the priors are much wider
+# than the differences between these aortas: a standard deviation of 1 of the logarithm is a factor
+# of 7 in both directions for 95 %. The angle has its default prior, uniform from 0 to 90 degrees.
+# With the defaults for all parameters, which are uniform up to 500 kPa for ``k1`` and 50 for
+# ``k2``, the strip alone would say little. The errors are known.
+PRIORS = {
+    name: pm.LogNormal.dist(np.log(median), 1.0)
+    for name, median in {"c": 13.0, "k1": 4.0, "k2": 0.4}.items()
+}
 studies = {
     "inflation": (inflation, ["pressure_sd"]),
     "strip": (strip, ["stress_sd"]),
@@ -89,7 +105,7 @@ studies = {
 fitted = {}
 for name, (tests, errors) in studies.items():
     likelihood = ph.Gaussian(**{error: ERRORS[error] for error in errors})
-    model = ph.material_model(LAW, tests.assign_attrs(simulated=1), likelihood)
+    model = ph.material_model(LAW, tests.assign_attrs(simulated=1), likelihood, priors=PRIORS)
     fitted[name] = ph.sample_smc(model, DRAWS, CHAINS, random_seed=1, progressbar=False)
 
 # %%
@@ -100,10 +116,20 @@ for name, (tests, errors) in studies.items():
 AXIAL = "axial stress, kPa"
 
 
+def stresses(tree: xr.DataTree, x: np.ndarray | float, y: float | None = None) -> xr.Dataset:
+    """Return draws of the stresses of the wall, also far from the stretches of the tests."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*outside")
+        return ph.predict_stress(tree, x, y, energy=LAW)
+
+
 def quantities(tree: xr.DataTree) -> dict[str, np.ndarray]:
     """Return draws of the parameters and of the axial stress."""
-    found = ph.predict_stress(tree, 1.5, STRETCH, energy=LAW)["stress_y"]
-    draws = {p.name: tree["posterior"][p.name].values.ravel() for p in LAW.parameters}
+    found = stresses(tree, 1.5, STRETCH)["stress_y"]
+    draws = {
+        f"{p.name}, {p.unit}".removesuffix(", "): tree["posterior"][p.name].values.ravel()
+        for p in LAW.parameters
+    }
     return draws | {AXIAL: found.values.ravel()}
 
 
@@ -143,20 +169,21 @@ print(f"log Bayes factor, one material over two: {both - alone - other:.2f} ± {
 figure, axes = plt.subplots(1, 2, figsize=(7, 3.5), layout="constrained")
 axes[0].plot(inflation["radius"], inflation["pressure"] / ph.mmHg, "ko", ms=4)
 for study, colour in (("inflation", "C0"), ("both", "C2")):
-    radius = np.linspace(0.38, float(inflation["radius"].max()), 60)
-    found = ph.predict_pressure(fitted[study], radius, TUBE)["pressure"] / ph.mmHg
+    radius = np.linspace(*inflation["radius"].quantile([0, 1]).values, 60)
+    found = ph.predict_pressure(fitted[study], radius)["pressure"] / ph.mmHg
     low, middle, high = found.quantile([0.025, 0.5, 0.975], ("chain", "draw")).values
     axes[0].fill_between(radius, low, high, color=colour, alpha=0.3, lw=0)
     axes[0].plot(radius, middle, color=colour)
     along = np.linspace(1, 1.6, 30)
-    found = ph.predict_stress(fitted[study], along)["stress_x"]
+    found = stresses(fitted[study], along)["stress_x"]
     low, middle, high = found.quantile([0.025, 0.5, 0.975], ("chain", "draw")).values
     axes[1].fill_between(along, low, high, color=colour, alpha=0.3, lw=0)
     axes[1].plot(along, middle, color=colour, label=f"fitted to {study}")
-axes[1].plot(strip["stretch_x"], strip["stress_x"], "ko", ms=4, label="SIMULATED test")
+axes[1].plot(strip["stretch_x"], strip["stress_x"], "ko", ms=4, label="measured")
 axes[0].set(title="inflation", xlabel="internal radius (mm)", ylabel="pressure (mmHg)")
 axes[1].set(title="strip", xlabel="hoop stretch", ylabel="hoop stress (kPa)")
 axes[1].legend(fontsize="small")
+figure.suptitle("SIMULATED vessel")
 figure.savefig(OUT / "tests.png", dpi=150)
 
 # %%
@@ -171,6 +198,7 @@ for ax, (name, true) in zip(axes, exact.items(), strict=True):
     ax.axvline(true, color="C1", ls="--")
     ax.set_xlabel(name)
     ax.invert_yaxis()
+    ax.set_xscale("log" if name == AXIAL else "linear")
     ax.margins(y=0.3)
 axes[0].set_title("SIMULATED vessel")
 figure.savefig(OUT / "intervals.png", dpi=150)

@@ -7,6 +7,17 @@ fibres, and in which direction? A law with two families of fibres is compared wi
 by evidence. Then each protocol is left out in turn and predicted, beside the usual fit by least
 squares of the same law.
 
+**Results.** The evidence prefers fibres to the isotropic law by 12.0 nats. The fibres lie at 52 to
+69 degrees from x, closer to y (95 %). But Fung's law, which is anisotropic without fibres, is
+better by a further 14.7 nats. When a protocol is left out, the law with fibres has a mean error of
+17 % of the largest stress, and least squares of the same law have 19 %. Their 95 % intervals
+contain 91 % and 89 % of the measurements. The isotropic law has an error of 16 %, and its wider
+intervals contain 96 %: although it fits worse, it predicts as well. Fung's law has 11 %. Most of
+the failures are at the ends of curves, above all if "mostly y" is left out, for which the law with
+fibres predicts far too large stresses. The angle is 57 to 67 degrees without "mostly y", and 48 to
+53 degrees without "strip y". Two such intervals for one specimen show that the law is wrong, and
+that the interval of an angle does not contain this error.
+
 **Limits.** This is one specimen. The table of the source does not state how the axes lie on the
 animal, so that the angle of the fibres is known relative to the axes of the test only. The model
 has independent errors of one size for all stresses, but the misfit of a law has the same sign at
@@ -37,8 +48,11 @@ rng = np.random.default_rng(1)
 # The data
 # --------
 # Cauchy stresses along x and y of one specimen, in five protocols with two prescribed stretches.
+# The laws are fitted to every third point of a protocol: the misfits of neighbours are alike.
 data = ph.load_dataset("porcine_skin")
 protocols = data["experiment"].values.tolist()
+position = np.concatenate([np.arange(n) for n in np.bincount(data["test"])])
+thinned = data.isel(obs=position % 3 == 2)
 
 # %%
 # The laws and their priors
@@ -64,7 +78,7 @@ def fit(law: ph.StrainEnergy, tests: xr.Dataset, chains: int = CHAINS) -> xr.Dat
     priors = {name: pm.HalfNormal.dist(scale) for name, scale in SCALES[law].items()}
     model = ph.material_model(law, tests, ph.Gaussian(stress_sd=ERROR), priors=priors)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="the fit is doubtful")  # the table says so
+        warnings.filterwarnings("ignore", message=".* is doubtful")  # the table says so
         return ph.sample_smc(model, DRAWS, chains, random_seed=1, progressbar=False)
 
 
@@ -72,9 +86,9 @@ def fit(law: ph.StrainEnergy, tests: xr.Dataset, chains: int = CHAINS) -> xr.Dat
 # Is skin isotropic?
 # ------------------
 # All protocols are fitted together. The evidence answers the question.
-rows = []
+rows, fitted = [], {}
 for law in SCALES:
-    tree = fit(law, data)
+    fitted[law] = tree = fit(law, thinned)
     posterior = tree["posterior"].to_dataset()
     ends = posterior[list(law.parameter_names)].quantile([0.025, 0.975], ("chain", "draw"))
     rows.append(
@@ -100,7 +114,8 @@ print(pd.DataFrame(rows).to_string(index=False))
 # stresses, and the interval that contains 95 % of the measurements. Beside it is the usual fit by
 # least squares of the same law, without priors except that no modulus is negative. It starts from
 # the mean of the posterior, and its intervals are those of a regression: the law is linearised at
-# the best values. A stress is one of the two along x and y of a point.
+# the best values. The same is done for the isotropic law, and by least squares alone for Fung's
+# law. Each point has two stresses, along x and y.
 def measured_in(test: xr.Dataset) -> np.ndarray:
     """Return the stresses (kPa) along x of all points, then those along y."""
     return np.concatenate([test["stress_x"], test["stress_y"]])
@@ -112,10 +127,8 @@ def draws_at(tree: xr.DataTree, test: xr.Dataset, law: ph.StrainEnergy) -> np.nd
         # A protocol that was left out lies outside of the others' stretches on purpose.
         warnings.filterwarnings("ignore", message=".*outside")
         found = ph.predict_stress(tree, test["stretch_x"], test["stretch_y"], energy=law)
-    both = xr.concat(
-        [found["stress_x"], found["stress_y"]], "point", coords="minimal", compat="override"
-    )
-    return both.stack(sample=("chain", "draw")).transpose("sample", "point").values
+    found = [found[name].values.reshape(-1, test.sizes["obs"]) for name in ("stress_x", "stress_y")]
+    return np.concatenate(found, axis=1)
 
 
 def by_posterior(tree: xr.DataTree, law: ph.StrainEnergy, test: xr.Dataset) -> np.ndarray:
@@ -156,19 +169,20 @@ def by_least_squares(
 rows, predicted, angles = [], {}, []
 for out in protocols:
     test = ph.select(data, experiment=out)
-    known = ph.select(data, experiment=[name for name in protocols if name != out])
+    known = ph.select(thinned, experiment=[name for name in protocols if name != out])
     measured = measured_in(test)
     trees = {law: fit(law, known, 1) for law in (ISOTROPIC, FIBRES)}
     ways = {
         "isotropic": by_posterior(trees[ISOTROPIC], ISOTROPIC, test),
         "fibres": by_posterior(trees[FIBRES], FIBRES, test),
         "fibres, least squares": by_least_squares(trees[FIBRES], FIBRES, known, test),
+        "Fung, least squares": by_least_squares(fitted[FUNG], FUNG, known, test),
     }
     for way, (low, high, best) in ways.items():
         inside = (low <= measured) & (measured <= high)
         row = {"left out": out, "prediction": way}
         row["error, %"] = 100 * np.sqrt(np.mean((best - measured) ** 2)) / measured.max()
-        row["in 95 % interval"] = f"{inside.sum()} of {inside.size}"
+        row[f"in 95 % interval, of {inside.size}"] = inside.sum()
         row["its mean width, %"] = 100 * np.mean(high - low) / measured.max()
         rows.append(row)
     low, high = trees[FIBRES]["posterior"]["beta"].quantile([0.025, 0.975]).values
@@ -177,7 +191,11 @@ for out in protocols:
 print(
     "\nProtocols that were left out; errors are root mean squares, relative to the largest stress"
 )
-print(pd.DataFrame(rows).to_string(index=False, float_format="{:.0f}".format))
+table = pd.DataFrame(rows)
+print(table.to_string(index=False, float_format="{:.0f}".format))
+print("\nMeans over the protocols")
+means = table.drop(columns="left out").groupby("prediction", sort=False).mean()
+print(means.to_string(float_format="{:.1f}".format))
 print(f"\nAngle β, degrees, 95 %: {', '.join(angles)}")
 
 # %%
@@ -185,7 +203,7 @@ print(f"\nAngle β, degrees, 95 %: {', '.join(angles)}")
 # ----------
 # Points are measured. Lines are the medians that the law with fibres predicts for the protocol that
 # was left out; the bands should contain 95 % of the points.
-figure, axes = plt.subplots(3, 2, figsize=(7, 8.5), sharey=True, layout="constrained")
+figure, axes = plt.subplots(3, 2, figsize=(7, 8.5), layout="constrained")
 for ax, (out, (test, found)) in zip(axes.flat, predicted.items(), strict=False):
     along = "y" if out.endswith("y") else "x"
     stretch = test[f"stretch_{along}"]
@@ -194,7 +212,8 @@ for ax, (out, (test, found)) in zip(axes.flat, predicted.items(), strict=False):
         ax.fill_between(stretch, low, high, color=colour, alpha=0.2, lw=0)
         ax.plot(stretch, middle, color=colour, label=f"stress along {name}, predicted")
         ax.plot(stretch, test[f"stress_{name}"], "o", ms=4, color=colour, label="measured")
-    ax.set(title=out, xlabel=f"stretch along {along}")
+    largest = measured_in(test).max()
+    ax.set(title=out, xlabel=f"stretch along {along}", ylim=(-0.2 * largest, 1.5 * largest))
 for ax in axes[:, 0]:
     ax.set_ylabel("Cauchy stress (kPa)")
 axes[2, 1].axis("off")

@@ -17,7 +17,7 @@ LIMITS = {"timeout": None, "startup_timeout": 3600, "iopub_timeout": 600}
 # Examples that need no external table, and replacements of lines that shorten them.
 SMALL = {
     "classify_csv": {},
-    "inflation_and_strip": {"CHAINS = 300, 2": "CHAINS = 100, 2"},
+    "inflation_and_strip": {"CHAINS = 800, 2": "CHAINS = 100, 2"},
     "pulmonary_hypertension": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},
     "rubber": {"CHAINS = 300, 2": "CHAINS = 100, 2"},
     "sheep_aorta": {"CHAINS = 2000, 4": "CHAINS = 200, 2"},
