@@ -212,6 +212,7 @@ for ax, (out, (test, found)) in zip(axes.flat, predicted.items(), strict=False):
         ax.fill_between(stretch, low, high, color=colour, alpha=0.2, lw=0)
         ax.plot(stretch, middle, color=colour, label=f"stress along {name}, predicted")
         ax.plot(stretch, test[f"stress_{name}"], "o", ms=4, color=colour, label="measured")
+    ax.locator_params(axis="x", nbins=5)
     largest = measured_in(test).max()
     ax.set(title=out, xlabel=f"stretch along {along}", ylim=(-0.2 * largest, 1.5 * largest))
 for ax in axes[:, 0]:
