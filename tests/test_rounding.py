@@ -150,7 +150,7 @@ def test_stretches_equal_up_to_rounding_belong_to_one_tube(error):
     data = data.assign(axial_stretch=("test", stretch))
     assert draws._common_geometry(data)["axial_stretch"] == 1.2
     assert fitted_curves.tubes_of(data).tolist() == [0, 0]
-    assert measured._upper_hull(
+    assert measured.upper_hull(
         np.full(2, 1.2), np.append(stretch, 1.5), np.arange(3.0)
     ).tolist() == [1, 1]
     assert not extension.clearly_extended(np.array([*stretch, 1.2, 1.5]))

@@ -7,8 +7,8 @@ from textwrap import fill
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
-# Letters of a line of a label.
-_WIDTH = 24
+# Letters of a line of a label: with "log of" before them they fit the height of a panel.
+_WIDTH = 20
 # Name of a quantity: words of its axis, and the unit of its numbers; None if it has none.
 LABELS: dict[str, tuple[str, str | None]] = {
     name: (

@@ -104,7 +104,7 @@ def test_property_of_a_tube_needs_a_tube_where_classes_hold_sheets_alone():
         LAW, groups, likelihood(False), draws=100, variability="specimen", **QUIET
     )
     with pytest.raises(ValueError, match=r"inner_radius \(unknown\).*state the tube"):
-        ph.compare_classes(classes, ["log radius"], at=5.0, random_seed=1)
-    at = ph.Conditions(5.0, tube=TUBE)
+        ph.compare_classes(classes, ["log radius"], at=2.0, random_seed=1)
+    at = ph.Conditions(2.0, tube=TUBE)
     compared = ph.compare_classes(classes, ["log radius"], at=at, random_seed=1)
     assert float(compared["difference"].sel(statistic="typical").squeeze()) < 0
