@@ -19,6 +19,8 @@ DRAWS = {"c": [10.0, 12.0, 8.0], "k1": [20.0, 5.0, 30.0], "k2": [1.0, 2.0, 0.5]}
 DRAWS |= {"beta": [35.0, 40.0, 50.0]}
 X, Y = np.array([1.0, 1.1, 1.3]), np.array([1.0, 1.2, 0.9])
 NAN = np.nan
+# A free stretch is found to rounding, which the stress of the stiffening fibres multiplies.
+SOLVED = 1e-10
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,8 @@ def test_each_draw_is_that_of_sheet_stress(x, y, nominal):
         expected = ph.sheet_stress(FIBRES, x, y, nominal=nominal, **at)
         for axis in "xy":
             stress = getattr(expected, axis).eval(mode=AS_WRITTEN)
-            np.testing.assert_allclose(found[f"stress_{axis}"][0, draw], stress, rtol=ROUNDING)
+            tolerance = ROUNDING if x is not None and y is not None else SOLVED
+            np.testing.assert_allclose(found[f"stress_{axis}"][0, draw], stress, rtol=tolerance)
 
 
 def test_lateral_stretch_of_each_draw_is_returned():
@@ -50,7 +53,7 @@ def test_lateral_stretch_of_each_draw_is_returned():
     for draw in range(3):
         at = {name: values[draw] for name, values in DRAWS.items()}
         expected = ph.free_stretch(FIBRES, X, **at).eval(mode=AS_WRITTEN)
-        np.testing.assert_allclose(found["stretch_y"][0, draw], expected, rtol=ROUNDING)
+        np.testing.assert_allclose(found["stretch_y"][0, draw], expected, rtol=SOLVED)
 
 
 def test_missing_stretches_are_free_at_their_points():
@@ -59,7 +62,7 @@ def test_missing_stretches_are_free_at_their_points():
     for point, stretches in enumerate([(1.2, 1.1), (1.2, None), (None, 1.1)]):
         alone = ph.predict_stress(result(**DRAWS), *stretches, energy=FIBRES)
         for name in ("stress_x", "stress_y"):
-            np.testing.assert_allclose(found[name][..., point], alone[name][..., 0], rtol=ROUNDING)
+            np.testing.assert_allclose(found[name][..., point], alone[name][..., 0], rtol=SOLVED)
 
 
 def test_vector_parameters_are_predicted_by_draw():
