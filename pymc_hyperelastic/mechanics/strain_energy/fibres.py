@@ -340,6 +340,20 @@ class HolzapfelOgden(_FibreReinforced):
     >>> stress = ph.sheet_stress(ph.HolzapfelOgden(), 1.1, 1.1, nominal=True, **parameters)
     >>> round(float(stress.x.eval()), 2), round(float(stress.y.eval()), 2)
     (5.22, 2.82)
+
+    A tube of a softer material:
+
+    >>> soft = {
+    ...     "a": 10.0,
+    ...     "b": 0.5,
+    ...     "a_fibre": 10.0,
+    ...     "b_fibre": 1.0,
+    ...     "a_cross": 5.0,
+    ...     "b_cross": 1.0,
+    ... }
+    >>> tube = ph.Tube(7.0, 9.0)
+    >>> ph.inflation_pressure(ph.HolzapfelOgden(), [7.5, 8.5], tube, **soft).eval().round(3)
+    array([1.091, 3.412])
     """
 
     equation = (
