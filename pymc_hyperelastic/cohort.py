@@ -36,7 +36,7 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import MeasuredValue, complete_unknowns, split_by_owner
-from pymc_hyperelastic.models.inflation import tube_model
+from pymc_hyperelastic.models.inflation import build_model
 from pymc_hyperelastic.models.likelihoods import (
     Likelihood,
     as_likelihood,
@@ -202,7 +202,7 @@ class _Model:
 
     @without_traces
     def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
-        self._model = tube_model(
+        self._model = build_model(
             work.energy,
             data,
             work.likelihood,

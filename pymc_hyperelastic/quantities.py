@@ -94,7 +94,8 @@ _MEASURED = [
     QuantitySpec("stress_y", "stress", "stress along y", lies_on="obs"),
 ]
 #: Variables of the points of sheets: the stretches along both axes, then the stresses.
-SHEET_VARIABLES = ("stretch_x", "stretch_y", "stress_x", "stress_y")
+STRESSES = ("stress_x", "stress_y")
+SHEET_VARIABLES = ("stretch_x", "stretch_y", *STRESSES)
 _TUBE = [
     QuantitySpec("inner_radius", "length", "inner radius of the reference tube", "A", "test"),
     QuantitySpec("outer_radius", "length", "outer radius of the reference tube", "B", "test"),

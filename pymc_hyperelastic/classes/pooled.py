@@ -35,7 +35,7 @@ from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import split_by_owner
-from pymc_hyperelastic.models.inflation import tube_model
+from pymc_hyperelastic.models.inflation import build_model
 from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES, Likelihood, as_likelihood
 from pymc_hyperelastic.models.priors import complete_priors
 from pymc_hyperelastic.models.settings import ModelSettings, inflation_data_of
@@ -126,7 +126,7 @@ class PooledClass(ClassKind):
 
     def model(self, data: xr.Dataset) -> pm.Model:
         """Return the PyMC model of a class with these data."""
-        return tube_model(self.energy, data, self.likelihood, priors=self.priors)
+        return build_model(self.energy, data, self.likelihood, priors=self.priors)
 
     def settings(self) -> ModelSettings:
         """Return the settings as they are stored in a result."""
@@ -217,7 +217,7 @@ class PooledClass(ClassKind):
         """
         model = self.model(inflation_data_of(fitted))
         sizes = {name: model[name] for name in self.likelihood.unknowns}
-        tube = forward.tube({name: model[name] for name in self.energy.parameter_names})
+        tube = forward.with_variables({name: model[name] for name in self.energy.parameter_names})
         new = self.likelihood.log_likelihood(tube, sizes, signals)
         return ClassPredictive(fitted, model, new, rng)
 

@@ -112,5 +112,5 @@ def _points(data: xr.Dataset) -> list[Point]:
     if "pressure" in data:
         columns += [measured_radius(data), data["pressure"]]
     measured = np.stack([column.values.astype(float) for column in columns], axis=1)
-    # What a test of the other kind lacks is the same in all of its points.
+    # Variables of the other kind are NaN, and become 0 at all points of the test.
     return [tuple(point) for point in np.round(np.nan_to_num(measured), DIGITS).tolist()]

@@ -28,7 +28,7 @@ from pymc_hyperelastic.data.variables import (
 )
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES, SHEET_VARIABLES
+from pymc_hyperelastic.quantities import IN_TABLES, SHEET_VARIABLES, STRESSES
 from pymc_hyperelastic.rounding import ROUNDING
 
 # Labels that a message lists.
@@ -291,7 +291,7 @@ def _defects_of_sheets(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem
             for name in ("stretch_x", "stretch_y")
         },
         "expected a finite number, or nan if it was not measured": {
-            name: of_sheet & np.isinf(values[name]) for name in ("stress_x", "stress_y")
+            name: of_sheet & np.isinf(values[name]) for name in STRESSES
         },
         "expected a number: both stretches are missing": {
             "stretch_x": of_sheet & missing["stretch_x"] & missing["stretch_y"]

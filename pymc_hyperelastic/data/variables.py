@@ -50,6 +50,11 @@ def sheet_tests(data: xr.Dataset) -> NDArray[np.bool_]:
     return data.variables[STRESS_MEASURE].values.astype(str) != ""
 
 
+def nominal_points(data: xr.Dataset) -> NDArray[np.bool_]:
+    """Return True for points of sheets at which nominal stresses were measured."""
+    return (data.variables[STRESS_MEASURE].values == "nominal")[data["test"].values]
+
+
 def dimensions_of(data: xr.Dataset) -> tuple[dict[str, str], dict[str, str]]:
     """Dimensions of the variables that data of their kind must hold, and of those they may hold."""
     variables = data.variables

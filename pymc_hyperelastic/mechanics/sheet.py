@@ -145,7 +145,7 @@ def stresses_at(
     parameters = energy.join(entries)
     x = energy.stress_difference(log_x, log_y, **parameters)
     y = energy.axial_stress_difference(log_x, log_y, **parameters)
-    # Where no lateral stretch was found, the other stress is NaN already.
+    # If no lateral stretch was found, the other stress is NaN.
     return pt.zeros_like(y) if free_x else x, pt.zeros_like(x) if free_y else y, log_x, log_y
 
 

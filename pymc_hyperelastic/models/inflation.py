@@ -113,7 +113,7 @@ def material_model(
             "make this one inside `with pm.Model():`, or leave the name away"
         )
     settings: dict[str, Any] = {"priors": priors, "rising": rising, "mode": mode, "name": name}
-    return tube_model(energy, data, as_likelihood(likelihood), parent=context, **settings)
+    return build_model(energy, data, as_likelihood(likelihood), parent=context, **settings)
 
 
 def inflation_model(
@@ -215,7 +215,7 @@ def inflation_model(
 
 
 @without_traces
-def tube_model(
+def build_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     likelihood: Likelihood,
@@ -257,11 +257,13 @@ def tube_model(
         if (tubes := tubes_of(data)) is not None:
             register_measures(tubes, unknown, deviations, of_specimen)
         known = of_tube, {name: z[of_test] for name, z in deviations.items()}
-        tube, sizes = forward.tube(parameters, *known), likelihood.register_unknowns()
+        tube, sizes = forward.with_variables(parameters, *known), likelihood.register_unknowns()
         curves = register_curves(tube, points)
         likelihood.register(tube, curves, sizes, points)
         if isinstance(forward, TubeForward) and rising:
-            rises = pt.all(forward.between().tube(parameters, *known).curves()["stiffness"] > 0)
+            rises = pt.all(
+                forward.between().with_variables(parameters, *known).curves()["stiffness"] > 0
+            )
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     if parent is None:

@@ -307,7 +307,7 @@ def tests_of(population: Population, forward: ForwardModel, specimens: Specimens
     """Return the tests with the parameters of their specimens."""
     deviations = {name: z[specimens.of_test] for name, z in specimens.deviations.items()}
     coordinates = [x if forward.by_test else x[0] for x in specimens.coordinates]
-    return forward.tube(population.scale.parameters(coordinates), deviations=deviations)
+    return forward.with_variables(population.scale.parameters(coordinates), deviations=deviations)
 
 
 def register_tests(

@@ -24,9 +24,10 @@ from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import MeasuredValue, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.likelihoods.stresses import STRESSES, stresses_of
+from pymc_hyperelastic.models.likelihoods.stresses import stresses_of
 from pymc_hyperelastic.models.priors import FEW_DRAWS
 from pymc_hyperelastic.models.settings import ModelSettings
+from pymc_hyperelastic.quantities import STRESSES
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ class Study:
             if not part.of_sheets:
                 found |= _residuals_of_tubes(model, errors, shared)
                 continue
-            sheets: Any = part.tube({name: model[name] for name in part.unknown[0]})
+            sheets: Any = part.with_variables({name: model[name] for name in part.unknown[0]})
             expected = stresses_of(sheets, {name: model[name] for name in STRESSES}, errors)
             found["stress_x"] = (expected.x - shared["stress_x"]) / expected.x_sd
             y = (

@@ -68,9 +68,9 @@ def test_curves_of_every_law_use_the_axial_stretch_of_each_point(name):
     for mode in ("quadrature", "collocation"):
         priors = around(law.parameters[0][0])
         forward = forward_model(law.strain_energy, data, priors, mode=mode, with_force=True)
-        curves.append(forward.tube(parameters).curves())
+        curves.append(forward.with_variables(parameters).curves())
     forward = forward_model(wall, opened_tube(None), {}, with_force=True)
-    curves.append(forward.tube({}).curves())
+    curves.append(forward.with_variables({}).curves())
     # tests/mechanics compare these functions with independent quadrature.
     axial, radius = at_points(data, "axial_stretch"), data["radius"].values
     tube = ph.Tube(INNER, axial_stretch=axial, opening_angle=ANGLE)
@@ -108,7 +108,7 @@ def test_compiled_likelihood_of_replaced_data_is_exact(sds, mode, measured):
     """The replacing data differ in length, number of forces, and kinds of tests."""
     likelihood, first = ph.Gaussian(**sds), extended(measured)
     forward = likelihood.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
-    log_likelihood = likelihood.log_likelihood(forward.tube(OGDEN))
+    log_likelihood = likelihood.log_likelihood(forward.with_variables(OGDEN))
     function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
     inflated = [test for test in range(5) if test not in EXTENDED]
     others = [shared_errors.dataset(shared_errors.table((3, 7), seed=2), measured)]
@@ -121,7 +121,7 @@ def test_compiled_likelihood_of_replaced_data_is_exact(sds, mode, measured):
         forward.set_data(data)
         expected = dense(data, sds).log_density()
         assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
-    again = likelihood.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
+    again = likelihood.log_likelihood(forward.with_data(others[1]).with_variables(OGDEN))
     expected = dense(others[1], sds).log_density()
     assert evaluated([again])[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
@@ -133,12 +133,12 @@ def test_data_of_another_kind_cannot_replace_the_first_data():
     with pytest.raises(TypeError, match="constants"):
         fixed.set_data(other)
     direct = forward_model(ph.Ogden(), data, PRIORS, mode="quadrature")
-    direct.tube(OGDEN).curves()
+    direct.with_variables(OGDEN).curves()
     with pytest.raises(ValueError, match=r"another kind.*current_outer_radius"):
         direct.set_data(other)
     inflated = ph.select(extended(), experiment=[1, 2, 4])
     forward = forward_model(ph.Ogden(), inflated, PRIORS, mode="collocation")
-    forward.tube(OGDEN).curves()
+    forward.with_variables(OGDEN).curves()
     with pytest.raises(ValueError, match=r"axial_stretch varies.*data that hold extension tests"):
         forward.set_data(extended())
 
@@ -164,7 +164,7 @@ def test_curves_are_exact_for_a_law_that_polynomials_cannot_approximate(mode):
     priors = complete_priors(energy, {"n": pm.Normal.dist(0, 10)})
     forward = forward_model(energy, data, priors, mode=mode)
     assert forward.integrator.by_points == (mode == "auto")
-    tube = forward.tube({"mu": 20.0, "n": pt.constant(2.0)})
+    tube = forward.with_variables({"mu": 20.0, "n": pt.constant(2.0)})
     pressure = evaluated([tube.curves()["pressure"]])[0]
     names = ("inner_radius", "outer_radius", "axial_stretch")
     known = ph.Tube(**{name: at_points(data, name) for name in names})

@@ -117,7 +117,7 @@ def curves_of(forward, materials):
     """Curves (material, point) of materials by a forward model."""
     with pm.Model() as model:
         shape = (forward.data.sizes["test"],) if forward.by_test else ()
-        tube = forward.tube({name: pm.Flat(name, shape=shape) for name in materials})
+        tube = forward.with_variables({name: pm.Flat(name, shape=shape) for name in materials})
         outputs = [*tube.curves().values(), *tube.slopes().values()]
     outputs = model.replace_rvs_by_values(outputs)
     function = BatchedFunction.of_model(model, outputs, {"mode": AS_WRITTEN})
@@ -233,7 +233,7 @@ def test_layers_in_which_fibres_slacken_are_exact():
         ph.Layer(ph.HolzapfelGasserOgden(), 0.2, **values),
         ph.Layer(ph.NeoHookean(), 0.1, mu=12.0),
     ]
-    tube = WITH_FORCE.forward_model(wall, data, {}).tube({})
+    tube = WITH_FORCE.forward_model(wall, data, {}).with_variables({})
     outputs = [*tube.curves().values(), *tube.slopes().values()]
     found = pytensor.function([], outputs, mode=AS_WRITTEN)()
     layers = [(stiff_fibres(**values), 0.2), (neo_hookean(12.0), 0.1)]

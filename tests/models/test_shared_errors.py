@@ -164,7 +164,7 @@ def test_each_signal_alone_has_its_marginal_density(errors):
     normal, points = Dense(data, LAYERS, **sds), data.sizes["obs"]
     rows = {("pressure",): slice(points), ("force",): slice(points, None)}
     for signals, own in (rows | {("pressure", "force"): slice(None)}).items():
-        log_likelihood = likelihood.log_likelihood(forward.tube(POINT), signals=signals)
+        log_likelihood = likelihood.log_likelihood(forward.with_variables(POINT), signals=signals)
         function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
         expected = normal.log_density(own)
         assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
@@ -215,7 +215,7 @@ def test_extension_tests_contribute_no_slopes_to_the_likelihood():
         for name, slope_weight in (("both", 2.0), ("inflation", 2.0), ("extension", 0.0)):
             likelihood = ph.SlopeAugmented(sigma=0.5, slope_weight=slope_weight)
             forward = likelihood.forward_model(OGDEN, data[name], priors, mode=mode)
-            log_likelihood = likelihood.log_likelihood(forward.tube(POINT))
+            log_likelihood = likelihood.log_likelihood(forward.with_variables(POINT))
             found[name] = log_likelihood.eval(mode=AS_WRITTEN)
         together = found["inflation"] + found["extension"]
         assert found["both"] == pytest.approx(together, rel=LIKELIHOOD_TOLERANCE)

@@ -153,7 +153,7 @@ PRIORS = {"mu": pm.Uniform.dist(5, 50), "alpha": pm.Uniform.dist(2, 12)}
 
 
 def test_joint_likelihood_is_the_sum_of_both_kinds():
-    """Tests of tubes and of sheets share parameters and nothing else, in any order."""
+    """Tests of tubes and of sheets share the parameters only, in any order."""
     both, values = joint_data(), {"mu": 22.0, "alpha": 5.5}
     alone = [
         ph.select(both, experiment=names) for names in (["tube"], ["uniaxial_x", "equibiaxial"])
@@ -216,7 +216,7 @@ def test_joint_data_need_errors_of_both_kinds(likelihood, message):
 
 
 def test_errors_of_tests_that_the_data_lack_are_refused():
-    """An error of sheets is not left unused where there are none."""
+    """Data without sheets need no error of stresses."""
     with pytest.raises(ValueError, match=r"states the errors of tests of sheets.*hold none"):
         ph.material_model(ph.Ogden(), tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}), JOINT)
 
@@ -320,19 +320,21 @@ def test_misfits_of_many_points_equal_those_of_all_points(law, kinds):
     likelihood = ph.Gaussian(stress_sd=NOISE)
     forward = likelihood.forward_model(law, data, complete_priors(law, priors))
     assert forward.table is not None
-    by_nodes = likelihood.log_likelihood(forward.tube(parameters)).eval()
+    by_nodes = likelihood.log_likelihood(forward.with_variables(parameters)).eval()
     inputs = forward.share("misfits", forward.table.arrays)
     assert inputs["log_x"].get_value().size < 60
     every = forward.refined(data, parameters)
     assert every.table is None
-    exact = likelihood.log_likelihood(every.tube(parameters)).eval()
+    exact = likelihood.log_likelihood(every.with_variables(parameters)).eval()
     assert by_nodes == pytest.approx(exact, rel=1e-9)
     # One test in place of all.
     fewer = ph.select(data, experiment=kinds[1])
     forward.set_data(fewer)
     every = every.with_data(fewer)
-    changed = likelihood.log_likelihood(forward.tube(parameters)).eval()
-    assert changed == pytest.approx(likelihood.log_likelihood(every.tube(parameters)).eval(), 1e-9)
+    changed = likelihood.log_likelihood(forward.with_variables(parameters)).eval()
+    assert changed == pytest.approx(
+        likelihood.log_likelihood(every.with_variables(parameters)).eval(), 1e-9
+    )
 
 
 def test_a_free_direction_of_an_anisotropic_sheet_is_computed_at_every_point():

@@ -31,7 +31,7 @@ class SymbolicTests(ABC):
 
 
 class ForwardModel(ABC):
-    """What tests of a material show at the measured points, for any parameters.
+    """Curves of tests at the measured points, for any parameters of the material.
 
     The data enter compiled expressions as shared variables: :meth:`set_data` replaces them.
 
@@ -79,7 +79,7 @@ class ForwardModel(ABC):
         """Return the same with curves that are accurate for these materials, too."""
 
     @abstractmethod
-    def tube(
+    def with_variables(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> SymbolicTests:
         """The tests with variables of a model in place of the distributions.

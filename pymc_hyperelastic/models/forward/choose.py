@@ -34,12 +34,12 @@ Mode = Literal["auto", "collocation", "quadrature"]
 _DRAWS = 1000
 # Materials whose pressures exceed the largest measured one by this factor do not count, because
 # their likelihood is nil.
-_BEYOND = 10.0
+BEYOND = 10.0
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
 _MANY_POINTS = 50
 # Tolerance of snapshots, and of orders of quadrature, in tolerances of the curves: those of other
 # materials err by more than those of the materials for which they are chosen.
-_FINER = 1e-2
+FINER = 1e-2
 
 
 def choose_integrator(
@@ -95,7 +95,7 @@ def choose_integrator(
     if len(in_all) < fewest:
         return quadrature
     some = walls.some(in_all[evenly(len(in_all), FEW_DRAWS)])
-    limit = _FINER * tolerance
+    limit = FINER * tolerance
     while (fewer := quadrature.quadrature(quadrature.order // 2)).errors(data, some).max() <= limit:
         quadrature = fewer
     return quadrature
@@ -136,7 +136,7 @@ def possible_in_tests(walls: WallVariables, data: xr.Dataset, **settings: Any) -
     curves = numeric_curves(data, walls, np.concatenate(ends), WALL_ORDER // 4, **settings)
     starts = np.cumsum([0, *map(len, ends)])[:-1]
     largest = np.maximum.reduceat(np.abs(curves["pressure"]), starts, axis=1)
-    return largest.T < _BEYOND * np.abs(data["pressure"].values).max()
+    return largest.T < BEYOND * np.abs(data["pressure"].values).max()
 
 
 def _chebyshev(
@@ -161,7 +161,7 @@ def _select_nodes(
     """
     energy, tolerance = draws.energy, tabulated.tolerance
     split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
-    settings = has_additive_stress(energy), _FINER * tolerance, split, tabulated.with_force
+    settings = has_additive_stress(energy), FINER * tolerance, split, tabulated.with_force
     found = replace(tabulated, basis=SelectedNodes(energy, *settings))
     first, others = np.array_split(np.arange(len(draws.materials[0])), 2)
     learned = draws.some(first)

@@ -124,7 +124,7 @@ class JointForward(ForwardModel):
         self.sheets.set_data(_sheets_of(data))
         super().set_data(data)
 
-    def tube(
+    def with_variables(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicJoint":
         """The tests with variables of a model in place of the distributions."""
@@ -141,8 +141,8 @@ class JointForward(ForwardModel):
         z_sheets = {name: z[sheets] for name, z in of_sheets(deviations).items()}
         return SymbolicJoint(
             self,
-            self.tubes.tube(own(tubes), geometry, z_tubes),
-            self.sheets.tube(own(sheets), deviations=z_sheets),
+            self.tubes.with_variables(own(tubes), geometry, z_tubes),
+            self.sheets.with_variables(own(sheets), deviations=z_sheets),
         )
 
 

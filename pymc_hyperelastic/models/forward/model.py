@@ -133,7 +133,7 @@ class TubeForward(ForwardModel):
         # Constant matrices would be stored in the compiled function.
         return super()._folded and self.integrator.by_points
 
-    def tube(
+    def with_variables(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicTube":
         """The tubes with variables of a model in place of the distributions."""

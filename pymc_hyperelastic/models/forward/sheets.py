@@ -9,6 +9,7 @@ import pytensor.tensor as pt
 import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.data.variables import nominal_points
 from pymc_hyperelastic.mechanics.sheet import stresses_at
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
@@ -77,7 +78,7 @@ class SheetForward(ForwardModel):
         """Return the same without a table, whose stresses are exact."""
         return self._changed(table=None)
 
-    def tube(
+    def with_variables(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicSheets":
         """The sheets with variables of a model in place of the distributions."""
@@ -93,9 +94,9 @@ class SheetForward(ForwardModel):
                     "data of the model: make the model of data that hold such tests"
                 )
         logs = {axis: np.log(data[f"stretch_{axis}"].values.astype(float)) for axis in "xy"}
-        nominal = data["stress_measure"].values[data["test"].values] == "nominal"
+        nominal = nominal_points(data)
         found: Arrays = {
-            # Where each point is among the points of all blocks.
+            # Position of each point among the points of all blocks.
             "place": np.argsort(np.concatenate([blocks[name] for name in self.blocks]))
         }
         for block in self.blocks:

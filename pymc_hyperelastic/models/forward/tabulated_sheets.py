@@ -13,23 +13,21 @@ from numpy.typing import NDArray
 from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.mechanics.interpolation import evenly, response_function
+from pymc_hyperelastic.data.variables import nominal_points
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy, StrainEnergy
 from pymc_hyperelastic.mechanics.wall import response
-from pymc_hyperelastic.models.forward.choose import draws_of_prior
+from pymc_hyperelastic.models.forward.choose import BEYOND, FINER, draws_of_prior
+from pymc_hyperelastic.models.forward.numbers import numeric_stresses
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, Values, WallVariables
 from pymc_hyperelastic.models.moduli import has_additive_stress
+from pymc_hyperelastic.quantities import STRESSES
 
 # Points from which on nodes are selected: the stresses of fewer take less time than the selection.
 _MANY_POINTS = 200
 # Points among which nodes are selected, and at which materials are compared.
 _CANDIDATES = 1000
-# Materials whose stresses exceed the largest measured one by this factor do not count, because
-# their likelihood is nil.
-_BEYOND = 10.0
-# Tolerance of snapshots, in tolerances of the stresses, see SelectedNodes.
-_FINER = 1e-2
 
 
 class TabulatedSheets:
@@ -50,7 +48,7 @@ class TabulatedSheets:
         weights, _ = nodes.weights(log_x, log_y)
         blocks = [np.hstack([weights.T, 0 * weights.T]), np.hstack([weights.T, weights.T]) / 2]
         parts = []
-        for block, factor, name in zip(blocks, factors, ("stress_x", "stress_y"), strict=True):
+        for block, factor, name in zip(blocks, factors, STRESSES, strict=True):
             target = data[name].values.astype(float)
             there = np.isfinite(target)
             rows = block[there] * factor[there, None]
@@ -59,7 +57,7 @@ class TabulatedSheets:
         count, residual = rows.shape[1] - 1, 0.0
         if len(rows) > count:
             rows = np.linalg.qr(rows, mode="r")
-            residual = float(rows[count, -1] ** 2) if len(rows) > count else 0.0
+            residual = float(rows[count, -1] ** 2)
             rows = rows[:count]
         return {
             "log_x": nodes.places[0],
@@ -105,7 +103,9 @@ def tabulated_sheets(
     tolerance: float,
     inaccurate: float,
 ) -> TabulatedSheets | None:
-    """Return nodes for possible materials of the prior; None if there are none, or few points.
+    """Return a table for possible materials of the prior, or None.
+
+    There is no table for few points, or if a stretch depends on the material.
 
     Nodes are selected for half of the draws of the prior, and must do for the other half, of which
     a fraction `inaccurate` may err by more than the `tolerance`.
@@ -120,19 +120,16 @@ def tabulated_sheets(
     some = evenly(len(log_x), _CANDIDATES)
     places = log_x[some], log_y[some]
     largest = np.abs(_stresses(energy, places, walls.materials)).max(axis=(0, 2))
-    measured = max(float(np.nanmax(np.abs(data[n].values), initial=0.0)) for n in _STRESSES)
-    possible = np.flatnonzero(largest < _BEYOND * measured)
+    measured = max(float(np.nanmax(np.abs(data[n].values), initial=0.0)) for n in STRESSES)
+    possible = np.flatnonzero(largest < BEYOND * measured)
     first, others = np.array_split(possible, 2)
     if not (first.size and others.size):
         return None
-    basis = SelectedNodes(energy, has_additive_stress(energy), _FINER * tolerance, with_force=True)
+    basis = SelectedNodes(energy, has_additive_stress(energy), FINER * tolerance, with_force=True)
     basis = basis.with_materials_at(places, walls.some(first).materials)
     found = TabulatedSheets(energy, basis)
     wrong = found.errors(data, walls.some(others).materials) > tolerance
     return found if wrong.mean() <= inaccurate else None
-
-
-_STRESSES = ("stress_x", "stress_y")
 
 
 def known_stretches(energy: StrainEnergy, data: xr.Dataset) -> tuple[Array, Array]:
@@ -148,16 +145,10 @@ def known_stretches(energy: StrainEnergy, data: xr.Dataset) -> tuple[Array, Arra
 
 def _stresses(energy: StrainEnergy, places: tuple[Array, Array], materials: list[Array]) -> NDArray:
     """Return Cauchy stresses along x and y, (axis, material, place)."""
-    log_x, log_y = places
-    columns = [values[:, None] for values in materials]
-    of_x, of_force = (
-        response_function(energy, force)(log_x[None], log_y[None], *columns)[0]
-        for force in (False, True)
-    )
-    return np.stack([of_x, (of_force + of_x) / 2])
+    return np.stack(numeric_stresses(energy, *places, [x[:, None] for x in materials])[:2])
 
 
 def _nominal_factors(data: xr.Dataset, log_x: Array, log_y: Array) -> tuple[Array, Array]:
     """Return the factors of Cauchy stresses that make them the measured ones."""
-    nominal = data["stress_measure"].values[data["test"].values] == "nominal"
+    nominal = nominal_points(data)
     return np.where(nominal, np.exp(-log_x), 1.0), np.where(nominal, np.exp(-log_y), 1.0)

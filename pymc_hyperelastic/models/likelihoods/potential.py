@@ -100,7 +100,9 @@ def inflation_likelihood(
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
     geometry = {key: _as_tensor(key, value) for key, value in geometry.items()}
     forward = likelihood.forward_model(energy, data, parameters, geometry, mode=mode)
-    return pm.Potential(name, likelihood.log_likelihood(forward.tube(parameters, geometry)))
+    return pm.Potential(
+        name, likelihood.log_likelihood(forward.with_variables(parameters, geometry))
+    )
 
 
 def _as_tensor(name: str, value: Any, size: int | None = None) -> TensorVariable:

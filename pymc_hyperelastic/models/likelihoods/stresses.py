@@ -28,9 +28,7 @@ from pymc_hyperelastic.models.likelihoods.signals import (
     measured,
     normal_log_density,
 )
-
-# Curves of sheets, and measured quantities.
-STRESSES = ("stress_x", "stress_y")
+from pymc_hyperelastic.quantities import STRESSES
 
 
 class Stresses(NamedTuple):
@@ -48,23 +46,16 @@ class Stresses(NamedTuple):
         """Return the expected stresses along y, given the measured stresses along x."""
         if self.by_x is None:
             return self.y
-        # A point without a stress along x has the error of none, 0, behind all others.
+        # Points without a stress along x take the last error, 0.
         errors = pt.concatenate([measured_x - self.x[inputs["x_rows"]], 0.0 * self.x[:1]])
         return self.y + self.by_x * errors[inputs["x_place"]]
 
 
 def log_likelihood_of_stresses(sheets: SymbolicSheets, errors: Errors) -> Tensor:
     """Return the log likelihood of the stresses; minus infinity if a sheet is impossible."""
-    square = None
-    if errors.stretch_sd is None:
-        square = sheets.sum_of_squares()
+    square = sheets.sum_of_squares() if errors.stretch_sd is None else None
     if square is not None:
-        possible = square < OVERFLOW
-        inputs, variance = _inputs(sheets), pt.square(as_double(errors.stress_sd))
-        count = inputs["x_rows"].shape[0] + inputs["y_rows"].shape[0]
-        # Else the gradient by the standard deviation would be 0 * inf.
-        known = pt.where(possible, square, 0.0)
-        return pt.where(possible, normal_log_density(known, variance, count), -np.inf)
+        return _from_sum_of_squares(sheets, errors, square)
     curves = sheets.curves()
     possible = _possible(curves)
     safe = {name: pt.where(possible, curve, 0.0) for name, curve in curves.items()}
@@ -77,6 +68,15 @@ def log_likelihood_of_stresses(sheets: SymbolicSheets, errors: Errors) -> Tensor
         pt.sum(normal_log_density(pt.square(error_y), pt.square(expected.y_sd[of_y]))),
     ]
     return pt.where(possible, sum(terms), -np.inf)
+
+
+def _from_sum_of_squares(sheets: SymbolicSheets, errors: Errors, square: Tensor) -> Tensor:
+    """Return the log likelihood of stresses whose errors have one standard deviation."""
+    inputs, variance = _inputs(sheets), pt.square(as_double(errors.stress_sd))
+    count, possible = inputs["x_rows"].shape[0] + inputs["y_rows"].shape[0], square < OVERFLOW
+    # Else the gradient by the standard deviation would be 0 * inf.
+    known = pt.where(possible, square, 0.0)
+    return pt.where(possible, normal_log_density(known, variance, count), -np.inf)
 
 
 def register_stresses(
@@ -125,7 +125,7 @@ def stresses_of(sheets: SymbolicSheets, curves: Mapping[str, Tensor], errors: Er
         variance_x += pt.square(shifts["x", by])
         variance_y += pt.square(shifts["y", by])
     covariance = sum(shifts["x", by] * shifts["y", by] for by in "xy")
-    # Only a measured stress along x tells of the error along y.
+    # A stress along x that was not measured says nothing about the error along y.
     by_x = covariance / variance_x * _inputs(sheets)["x_measured"]
     return Stresses(x, pt.sqrt(variance_x), y, pt.sqrt(variance_y - covariance * by_x), by_x)
 
