@@ -196,7 +196,7 @@ class HierarchicalClass(Population, ClassKind):
 
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
         """Return a function that samples a new specimen and predicts it under each class."""
-        self.check(like)
+        self.check(like, partial=True)
         forward = self._accurate_for_classes(classes, like, seed)
         sampler = SpecimenSampler(self, forward, self.reference)
         predictive = SpecimenPredictive(self, classes, sampler)
