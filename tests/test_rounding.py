@@ -84,8 +84,8 @@ def test_planned_radius_equal_to_the_unloaded_radius_gives_nan():
     kind = SimpleNamespace(scale=scale, **settings)
     for inner in np.linspace(5.0, 9.0, 40):
         tube = {"inner_radius": inner, "outer_radius": inner + 2, "opening_angle": 0.0}
-        test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, {}, "")
-        assert np.isnan(radii_of(kind, [test], {"mu": np.array([[30.0]])}, tube, {})).all()
+        test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, tube, "")
+        assert np.isnan(radii_of(kind, [test], {"mu": np.array([[30.0]])})).all()
 
 
 def test_sign_of_eigenvectors_does_not_change_a_p_value(monkeypatch):

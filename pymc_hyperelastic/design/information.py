@@ -15,8 +15,8 @@ from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities
-from pymc_hyperelastic.design.planned_tests import Design, as_design, words_of
-from pymc_hyperelastic.design.trials import Simulation, Specimens
+from pymc_hyperelastic.design.planned_tests import Defaults, Design, as_design, words_of
+from pymc_hyperelastic.design.trials import Simulation, Specimens, check_given
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
@@ -63,7 +63,7 @@ def expected_information(
     classes : xarray.DataTree
         Result of :func:`fit_classes` with ``variability="specimen"``.
     designs : dict
-        Planned tests, by names that the user chooses. A test is a dict with
+        Planned tests, by names that the user chooses. A test of a tube is a dict with
 
         ``"pressure"`` or ``"radius"``: internal pressure, or internal radius in mm. A number is
         held constant; a pair ``(low, high)`` is the range of an increasing one.
@@ -82,7 +82,18 @@ def expected_information(
         default, and where a measure is not stated, they are those in `given`, or the medians of the
         specimens of the classes.
 
-        Give a list of such dicts for several tests of one specimen.
+        A test of a sheet is a dict with
+
+        ``"stretch_x"``, ``"stretch_y"``: stretch along each axis. A number is held constant; a pair
+        has the first and the last stretch. Both pairs run together. If one of the two is missing,
+        the sheet is free along this axis. The stresses along all other axes are measured.
+
+        ``"points"``: number of measured points, as for tubes.
+
+        ``"stress_measure"``: ``"cauchy"`` or ``"nominal"``, which is required if the classes hold
+        both.
+
+        Give a list of such dicts for several tests of one specimen, of tubes, of sheets or of both.
     about : str, default "class"
         Subject of the information: the class, or a quantity of the specimen as in
         :func:`compare_classes`, such as ``"alpha"`` or ``"compliance"``.
@@ -141,8 +152,9 @@ def expected_information(
     ------
     TypeError, ValueError
         If the classes have no variability, a design is invalid, more than a fifth of the specimens
-        cannot bear it, or it measures a force although the classes have no error of the force; if a
-        quantity is unknown or lacks its pressure, or `given` has several specimens.
+        cannot bear it, or it measures a force or is of a sheet although the classes have no error
+        of forces or of stresses; if a quantity is unknown or lacks its pressure, or `given` has
+        several specimens.
 
     See Also
     --------
@@ -197,19 +209,24 @@ def expected_information(
         raise ValueError("designs must be a dict from names to planned tests, with at least one")
     if about != "class" and about not in known_quantities(kind):
         raise ValueError(f"about is {about!r}; expected 'class' or one of {known_quantities(kind)}")
-    planned = {str(n): as_design(str(n), d, kind) for n, d in designs.items()}
+    if given is not None:
+        check_given(kind, given)
+    defaults = Defaults.of(kind, classes, given)
+    planned = {str(n): as_design(str(n), d, defaults) for n, d in designs.items()}
     quantities = [] if about == "class" else [about]
     at = complete_conditions(classes, quantities, at, one_pressure=True)
     log_prior = _log_prior(names, class_prior)
     simulation = Simulation(kind, classes, at, given, log_prior, draws)
     seeds = np.random.SeedSequence(random_seed).spawn(3)
+    if about != "class":
+        # Before the trials, which take minutes: a quantity may lack the tube that it needs.
+        before = simulation.quantity(about, simulation.specimens(_BEFORE, 1, seeds[2]))
     tried = simulation.specimens(specimens, max(map(len, planned.values())), seeds[0])
     trials = {}
     for name, design in planned.items():
         trials[name] = simulation.trial(name, design, tried, np.random.default_rng(seeds[1]))
     gains = np.stack([[t.gain, t.of_half] for t in trials.values()], axis=1)
     if about != "class":
-        before = simulation.specimens(_BEFORE, 1, seeds[2])
         gains = np.stack(
             [simulation.quantity_gains(about, tried, before, t) for t in trials.values()], axis=1
         )

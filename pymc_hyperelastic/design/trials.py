@@ -14,14 +14,20 @@ from scipy import stats
 from scipy.special import log_softmax, logsumexp, softmax
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.quantities import MOST_LACKING, complete_conditions, values_of
+from pymc_hyperelastic.classes.quantities import MOST_LACKING, values_of
 from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
-from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.design.few_draws import FewDraws, known_class
-from pymc_hyperelastic.design.planned_tests import Design, beside, empty_data, radii_of, words_of
+from pymc_hyperelastic.design.planned_tests import (
+    Design,
+    data_of,
+    radii_of,
+    with_measured,
+    with_radii,
+    words_of,
+)
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.rounding import DIGITS
@@ -83,23 +89,6 @@ class Simulation:
         self._kind, self._at, self._given, self._draws = kind, at, given, draws
         self._log_prior = log_prior
         self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
-        # The outer radius of a layered wall follows from the thicknesses, and stays NaN.
-        medians = complete_conditions(classes, [], None).geometry()
-        self._tube: dict[str, float] = {"outer_radius": np.nan, **medians}
-        self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
-        if given is None:
-            return
-        if kind.variability.experiment_effect:
-            raise ValueError(
-                "given: earlier tests are not supported for classes with experiment_effect, in "
-                "which the material varies between tests: leave given out"
-            )
-        kind.check(given, partial=True)
-        names = specimens_of(given)[0]
-        if len(names) > 1:
-            raise ValueError(f"given must hold tests of one specimen; it has {names}")
-        for name in ("inner_radius", "outer_radius", "opening_angle"):
-            self._tube[name] = float(given[name].values[0])
 
     def specimens(self, count: int, tests: int, seed: np.random.SeedSequence) -> Specimens:
         """Draw specimens of the classes, in proportion to the probabilities of the classes."""
@@ -133,31 +122,20 @@ class Simulation:
         """Simulate the tests of a design on each specimen, and return the information."""
         kind, count, tests = self._kind, len(tried.truth), len(design)
         variables = {n: v[:, :tests] for n, v in tried.variables.items()}
-        radii = radii_of(kind, design, variables, self._tube, self._sds)
+        radii = radii_of(kind, design, variables)
         possible = np.isfinite(radii).all(axis=1)
         _check_borne(name, design, radii)
-        planned = empty_data(kind, design, self._tube, self._sds)
-        force = np.concatenate([np.full(len(t.held), t.force) for t in design])
-        blank = _measured(
-            planned, radii[possible][0], np.ones(len(force)), np.ones(len(force)), force
-        )
-        sampler, draw = self._inner(beside(self._given, blank))
-        seed = int(rng.integers(2**32))
-        simulate = sampler.simulator(beside(self._given, blank), seed)
+        blank = with_radii(data_of(kind, self._given, design), radii[possible][0])
+        sampler, draw = self._inner(blank)
+        simulate = sampler.simulator(blank, int(rng.integers(2**32)))
         gains, materials = np.full((2, count), np.nan), [np.empty((0, 0))] * count
         effective = np.full(count, np.nan)
         for i in np.flatnonzero(possible):
-            specimen = {n: v[i] for n, v in variables.items()}
-            blank = blank.assign(radius=("obs", radii[i]))
-            found = simulate(beside(self._given, blank), specimen)
-            # Keep the planned tests only: the given tests come first, with their measured values.
-            new = {n: v[-len(force) :] for n, v in found.items() if n != "measured_axial_force"}
-            of_forces = np.full(len(force), np.nan)
-            if force.any():
-                of_forces[force] = found["measured_axial_force"][-int(force.sum()) :]
-            data = _measured(blank, radii[i], new["measured_pressure"], of_forces, force)
+            data = with_radii(blank, radii[i])
+            drawn_values = simulate(data, {n: v[i] for n, v in variables.items()})
+            data = with_measured(data, drawn_values, radii.shape[1])
             start = sampler.points_of({n: v[i : i + 1] for n, v in variables.items()})
-            drawn = draw(beside(self._given, data), start, self._draws, rng)
+            drawn = draw(data, start, self._draws, rng)
             effective[i] = drawn.effective.min()
             for j, step in enumerate((1, 2)):
                 gains[j, i] = self._gain(drawn.log_terms[:, ::step], tried, int(i))
@@ -181,21 +159,24 @@ class Simulation:
         classes = [known_class(distributions, *size) for distributions in self._classes]
         return sampler, partial(FewDraws, sampler, classes, self._log_prior)
 
-    def quantity_gains(self, name: str, tried: Specimens, before: Specimens, trial: Trial) -> Array:
+    def quantity(self, name: str, specimens: Specimens) -> Array:
+        """Return a quantity of specimens, (specimen,)."""
+        of_first = [specimens.variables[n][:, :1] for n in self._kind.scale.names]
+        return self._values(name, np.stack(of_first))[:, 0]
+
+    def _values(self, name: str, coordinates: Array) -> Array:
+        """Return a quantity, (specimen, draw), at (coordinate, specimen, draw)."""
+        return values_of(self._kind, coordinates, [name], self._at)[name][0]
+
+    def quantity_gains(self, name: str, tried: Specimens, prior: Array, trial: Trial) -> Array:
         """Return the gain in log density of a quantity's true value, (2, specimen), nats.
 
-        The first row uses all draws after the test, the second one half of them.
+        `prior` has the quantity of specimens before the tests. The first row of the result uses all
+        draws after the test, the second one half of them.
         """
-
-        def values(coordinates: Array) -> Array:
-            """Return the quantity, (specimen, draw), at (coordinate, specimen, draw)."""
-            return values_of(self._kind, coordinates, [name], self._at)[name][0]
-
-        scale = self._kind.scale.names
-        truth = values(np.stack([tried.variables[n][:, :1] for n in scale]))[:, 0]
-        prior = values(np.stack([before.variables[n][:, :1] for n in scale]))[:, 0]
+        truth = self.quantity(name, tried)
         possible = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
-        after = values(np.stack([trial.materials[i] for i in possible], axis=1))
+        after = self._values(name, np.stack([trial.materials[i] for i in possible], axis=1))
         prior = prior[np.isfinite(prior)]
         if min(np.nanmin(after), prior.min()) > 0:
             truth, prior, after = np.log(truth), np.log(prior), np.log(after)
@@ -209,32 +190,23 @@ class Simulation:
         return gains
 
 
-def _sd_of(name: str, given: float | None, classes: xr.DataTree) -> float:
-    """Return the standard deviation of a measure's error: `given`, or the specimens' median."""
-    if given is not None:
-        return given
-    parts = [
-        part[f"{name}_sd"].values[0]
-        for fitted in classes.children.values()
-        for part in specimens_apart(inflation_data_of(fitted)).values()
-    ]
-    return float(np.median(parts))
-
-
 def _in_proportion(chance: Array, count: int) -> NDArray[np.intp]:
     """Return `count` indices of classes, in proportion to their probabilities `chance`."""
     ends, places = np.cumsum(chance).round(DIGITS), (np.arange(count) + 0.5) / count
     return np.searchsorted(ends, places.round(DIGITS)).clip(max=len(chance) - 1)
 
 
-def _measured(
-    planned: xr.Dataset, radius: Array, pressure: Array, force: Array, with_force: Array
-) -> xr.Dataset:
-    """Return the planned data with measured values; forces are NaN where not measured."""
-    values = {"radius": ("obs", radius), "pressure": ("obs", pressure)}
-    if "axial_force" in planned:
-        values["axial_force"] = "obs", np.where(with_force, force, np.nan)
-    return planned.assign(values)
+def check_given(kind: HierarchicalClass, given: xr.Dataset) -> None:
+    """Raise unless these may be earlier tests of a specimen of the classes."""
+    if kind.variability.experiment_effect:
+        raise ValueError(
+            "given: earlier tests are not supported for classes with experiment_effect, in "
+            "which the material varies between tests: leave given out"
+        )
+    kind.check(given, partial=True)
+    names = specimens_of(given)[0]
+    if len(names) > 1:
+        raise ValueError(f"given must hold tests of one specimen; it has {names}")
 
 
 def _check_borne(name: str, design: Design, radii: Array) -> None:

@@ -13,7 +13,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.design import information as module
 from pymc_hyperelastic.design import trials
-from pymc_hyperelastic.design.planned_tests import as_design, empty_data, radii_of
+from pymc_hyperelastic.design.planned_tests import Defaults, as_design, data_of, radii_of
 
 SEED = 914
 X = "log_reference_strain"
@@ -168,8 +168,8 @@ def test_information_from_axial_forces_and_experiment_effects_equals_a_sum_over_
 
 
 def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
-    kind = kind_of_classes(classes)
-    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, kind) for n in "abc"}
+    defaults = Defaults.of(kind_of_classes(classes), classes, None)
+    planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, defaults) for n in "abc"}
     gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
     effective = np.array([[30.0] * 4, [20, 20, np.nan, 20], [19, 30, 30, 30]])
@@ -201,21 +201,22 @@ def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
 def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(classes):
     """Each specimen has its own radius at a pressure; radii below the unloaded one are NaN."""
     kind = kind_of_classes(classes)
+    defaults = Defaults.of(kind, classes, None)
     x = np.array([[-1.5], [-2.0]])
     mu = kind.scale.numbers([x])["mu"][:, 0]
     planned = {"pressure": (10, 30), "pressure_unit": "mmHg", "points": 3}
-    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], kind)
+    design = as_design("a", [planned, {"radius": (6.9, 7.5)}], defaults)
     assert design[0].words == "10 to 30 mmHg at a stretch of 1"
     assert len(design[1].held) == 20
-    tube = TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
-    radii = radii_of(kind, design, {X: x}, tube, {})
+    assert defaults.tube == TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
+    radii = radii_of(kind, design, {X: x})
     # A test may state its own tube: here the same tube, twice as large.
     larger = ph.Tube(**{name: 2 * value for name, value in TUBE.items()})
-    design = as_design("a", [planned, planned | {"tube": larger}], kind)
-    own, twice = np.split(radii_of(kind, design, {X: x}, tube, {}), 2, axis=1)
+    design = as_design("a", [planned, planned | {"tube": larger}], defaults)
+    own, twice = np.split(radii_of(kind, design, {X: x}), 2, axis=1)
     np.testing.assert_allclose(twice, 2 * own)
     np.testing.assert_array_equal(own, radii[:, :3])
-    data = empty_data(kind, design, tube, {})
+    data = data_of(kind, None, design)
     np.testing.assert_array_equal(data["outer_radius"], np.array([1, 2]) * TUBE["outer_radius"])
     for own, modulus in zip(radii[:, :3], mu, strict=True):
         expected = np.array([10, 20, 30]) * ph.mmHg
@@ -245,8 +246,8 @@ def test_impossible_designs_and_wrong_settings_are_refused(classes):
     for design, message in (
         ([], "design 'a' has no tests"),
         ([(1, 2)], r"design 'a': a test is a dict such as .* not \(1, 2\)"),
-        ({"pressures": 1}, "design 'a': 'pressures' is unknown; a test has"),
-        ({"points": 3}, r"either a 'pressure' or a 'radius'; got \[\]"),
+        ({"pressures": 1}, "design 'a': 'pressures' is unknown; a test of a tube has"),
+        ({"points": 3}, r"either a 'pressure' or a 'radius', and .*or both; got \[\]"),
         ({"pressure": (9, 1)}, r"pressure is \(9, 1\); expected a number, or a pair"),
         ({"pressure": 1, "points": 0}, "design 'a': points is 0; expected at least 1"),
         ({"pressure": -1}, "design 'a': pressures must be 0 or more"),

@@ -19,6 +19,9 @@ from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, Curve
 from pymc_hyperelastic.models.geometry import of_sheets, of_tubes
 from pymc_hyperelastic.models.priors import is_inferred
 
+# Settings of forward models of tubes that those of sheets have, too.
+_OF_BOTH = ("mode", "tolerance", "inaccurate")
+
 
 def forward_model(
     wall: StrainEnergy | Sequence[Layer],
@@ -47,7 +50,7 @@ def forward_model(
             "the data hold tests of sheets, which are modelled as one material: give a strain "
             "energy in place of layers, or leave these tests out"
         )
-    settings |= {n: v for n, v in settings_of_tubes.items() if n in ("tolerance", "inaccurate")}
+    settings |= {n: v for n, v in settings_of_tubes.items() if n in _OF_BOTH}
     other = SheetForward(wall, sheets, parameters, of_sheets(geometry), **settings)
     return other if forward is None else JointForward(wall, data, forward, other)
 

@@ -13,6 +13,7 @@ from pymc_hyperelastic.data.variables import nominal_points
 from pymc_hyperelastic.mechanics.sheet import stresses_at
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.models.forward.base import ForwardModel, SymbolicTests
+from pymc_hyperelastic.models.forward.choose import Mode
 from pymc_hyperelastic.models.forward.tabulated_sheets import tabulated_sheets
 from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
@@ -34,7 +35,7 @@ class SheetForward(ForwardModel):
 
     The arguments are those of :class:`TubeForward`; the `measures` have relative errors. Stresses
     are computed at every point; misfits of many points with known stretches from a `table`, see
-    :class:`TabulatedSheets`.
+    :class:`TabulatedSheets`, unless the `mode` is ``"quadrature"``.
     """
 
     of_sheets = True
@@ -47,6 +48,7 @@ class SheetForward(ForwardModel):
         measures: Mapping[str, MeasuredValue] | None = None,
         *,
         by_test: bool = False,
+        mode: Mode = "auto",
         tolerance: float = 1e-9,
         inaccurate: float = 1 / 200,
         replaceable: bool = True,
@@ -55,7 +57,7 @@ class SheetForward(ForwardModel):
         self.energy, self._names = energy, [*parameters]
         self.sds = {name: value.sd for name, value in (measures or {}).items()}
         self.table = None
-        if not by_test and not self.sds:
+        if not by_test and not self.sds and mode != "quadrature":
             settings = {"tolerance": tolerance, "inaccurate": inaccurate}
             self.table = tabulated_sheets(energy, data, parameters, **settings)
         self.blocks = [name for name, rows in _rows_of_blocks(data).items() if rows.size]
