@@ -221,6 +221,14 @@ def test_errors_of_tests_that_the_data_lack_are_refused():
         ph.material_model(ph.Ogden(), tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}), JOINT)
 
 
+def test_an_error_of_pressures_alone_is_answered_with_the_error_that_sheets_need():
+    """A bare number is an error of pressures, which sheets do not have."""
+    data = sheets(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}, ["equibiaxial"])
+    for likelihood in (NOISE, ph.SlopeAugmented(sigma=NOISE, slope_weight=1.0)):
+        with pytest.raises(ValueError, match=r"tests of sheets.*give ph.Gaussian\(stress_sd="):
+            ph.material_model(ph.Ogden(), data, likelihood)
+
+
 def test_layers_and_rising_pressures_are_for_tubes():
     """A sheet is one material, and its stresses are no pressures."""
     data = sheets(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}, ["equibiaxial"])

@@ -314,15 +314,18 @@ def _check_kinds(
     likelihood: Likelihood, tubes: xr.Dataset | None, sheets: xr.Dataset | None
 ) -> None:
     """Raise unless the likelihood states errors of the kinds of tests that the data hold."""
-    for there, stated, kind, example in (
+    kinds = (
         (tubes is not None, likelihood.with_tubes, "tubes", "pressure_sd=2 * ph.mmHg"),
         (sheets is not None, likelihood.with_sheets, "sheets", "stress_sd=5.0"),
-    ):
+    )
+    # First, because errors of another kind are mostly those of this kind, with another name.
+    for there, stated, kind, example in kinds:
         if there and not stated:
             raise ValueError(
                 f"the data hold tests of {kind}, and the likelihood {likelihood} states no error "
                 f"of them: give ph.Gaussian({example}), or leave these tests out"
             )
+    for there, stated, kind, _ in kinds:
         if stated and not there:
             raise ValueError(
                 f"the likelihood {likelihood} states the errors of tests of {kind}, but the data "
