@@ -263,6 +263,9 @@ def test_uncertain_thickness_and_gauge_length_scale_stresses_and_strains():
         for name, mean in zip(("stress_x", "stress_y"), expected, strict=True)
     )
     assert log_density_at(model, values) == pytest.approx(exact, rel=1e-10)
+    for name, value in z.items():
+        ratio = model[name].eval({model[f"{name}_deviation"]: [value]})
+        assert ratio == pytest.approx(factor[name])
 
 
 def test_joint_model_takes_errors_of_tubes_and_of_sheets():
