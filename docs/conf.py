@@ -89,6 +89,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_signature": False,
     "write_computation_times": False,
+    "parallel": 2,  # examples at a time
 }
 
 # Formulas: a script of this site converts their LaTeX to MathML in the browser.
@@ -243,7 +244,17 @@ def show_stored(app, page, source) -> None:
         source[0] = text + "\n".join(lines) + end + rest
 
 
+# Steps in which pages are read: more than the parts into which Sphinx divides some 200 pages.
+STEPS = 20
+
+
+def spread_pages(app, env, pages) -> None:
+    """Spread pages over the parts that Sphinx reads in parallel: guides, which run code, adjoin."""
+    pages[:] = [page for first in range(STEPS) for page in pages[first::STEPS]]
+
+
 def setup(app) -> None:
+    app.connect("env-before-read-docs", spread_pages)
     app.connect("source-read", show_stored)
     app.connect("html-page-context", name_notebook)
     app.connect("autodoc-process-bases", name_public_bases)

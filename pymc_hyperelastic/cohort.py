@@ -12,6 +12,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.integral import integrate
@@ -116,7 +117,7 @@ class Fits:
         wall, *unknown = work.stated()
         self._work = work
         self._forward = work.likelihood.forward_model(wall, work.like, *unknown)
-        self._models: dict[int, _Model] = {}
+        self._models: dict[tuple[int, bool, bool], _Model] = {}
 
     def of(self, data: xr.Dataset) -> xr.Dataset:
         """Result of these specimens or experiments, row by row."""
@@ -132,10 +133,10 @@ class Fits:
 
     def _row(self, data: xr.Dataset, label: str) -> xr.Dataset:
         seed = seed_of(seed_sequence(self._work.random_seed), label)
-        rng, tests = np.random.default_rng(seed), data.sizes["test"]
-        if tests not in self._models:
-            self._models[tests] = _Model(self._work, data, self._forward)
-        model = self._models[tests]
+        rng, key = np.random.default_rng(seed), (data.sizes["test"], *kinds_of_tests(data))
+        if key not in self._models:
+            self._models[key] = _Model(self._work, data, self._forward)
+        model = self._models[key]
 
         def take(forward: ForwardModel) -> tuple[_Fit, tuple[Any, ...]]:
             # Other specimens keep their curves: the result of one depends on no other.

@@ -132,6 +132,35 @@ def test_representatives_include_the_extremes_of_a_large_cohort():
             assert extreme(found[name]) == extreme(data[name])
 
 
+def test_representatives_of_sheets_include_extremes_and_each_free_direction():
+    stretch = np.linspace(1.1, 1.3, 3)
+    frame = pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "specimen": str(i),
+                    "experiment": 1,
+                    "stretch_x": np.nan if i == 4 else stretch,
+                    "stretch_y": np.nan if i == 7 else stretch,
+                    "stress_x": np.nan if i == 4 else 10 * stretch * (100 if i == 11 else 1),
+                    "stress_y": np.nan if i == 7 else 10 * stretch,
+                }
+            )
+            for i in range(450)
+        ]
+    )
+    sheets = ph.sheet_data(frame, stress="cauchy", check="ignore")
+    for data in (sheets, ph.combine_tests(cohort(150), sheets)):
+        found = representatives(data)
+        assert 200 <= found.sizes["test"] < 220
+        for name in ("stretch_x", "stretch_y", "stress_x"):
+            for extreme in (np.nanmin, np.nanmax):
+                assert extreme(found[name]) == extreme(data[name])
+        of_sheets = ph.select(found, stress_measure="cauchy")
+        assert of_sheets["stretch_x"].isnull().any()
+        assert of_sheets["stretch_y"].isnull().any()
+
+
 @pytest.mark.deep
 def test_processes_and_batches_do_not_change_numbers(tmp_path):
     new, found = ph.select(STUDY, experiment=3), []

@@ -27,6 +27,7 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive, particles_of
 from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
+from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.keeping import Remember, compute_now
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
@@ -133,9 +134,10 @@ class PooledClass(ClassKind):
         priors = complete_priors(self.energy, self.priors)
         return ModelSettings.of(self.energy, priors, self.likelihood)
 
-    def check(self, data: xr.Dataset) -> None:
+    def check(self, data: xr.Dataset, *, partial: bool = False) -> None:
         """Raise unless these data can be modelled with these settings."""
-        self.likelihood.check(self.energy, data, complete_priors(self.energy, self.priors))
+        priors = complete_priors(self.energy, self.priors)
+        self.likelihood.check(self.energy, data, priors, partial=partial)
 
     def fit(
         self,
@@ -172,27 +174,44 @@ class PooledClass(ClassKind):
                 yield name, error
 
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
-        """Return a function that predicts parts of new data; it compiles everything here, once."""
-        self.check(like)
+        """Return a function that predicts parts of new data; models are compiled once."""
+        self.check(like, partial=True)
         priors = complete_priors(self.energy, self.priors)
-        forward = self.likelihood.forward_model(self.energy, like, priors)
-        rng = np.random.default_rng(seed)
+        of_all = self.likelihood.forward_model(self.energy, like, priors)
         fitted_classes = [*classes.values()]
-        predictives = [self.predictive(fitted, forward, rng) for fitted in fitted_classes]
+
+        forwards: dict[tuple[bool, bool], ForwardModel] = {}
+
+        def forward_for(data: xr.Dataset) -> ForwardModel:
+            kinds = kinds_of_tests(data)
+            if kinds not in forwards:
+                forwards[kinds] = of_all.with_data(data)
+            forwards[kinds].set_data(data)
+            return forwards[kinds]
 
         @cache
-        def predictive_of_signals(number: int, signals: frozenset[str]) -> ClassPredictive:
+        def predictives_of(forward: ForwardModel) -> list[ClassPredictive]:
+            rng = np.random.default_rng(seed)
+            return [self.predictive(fitted, forward, rng) for fitted in fitted_classes]
+
+        @cache
+        def predictive_of_signals(
+            forward: ForwardModel, number: int, signals: frozenset[str]
+        ) -> ClassPredictive:
             rng = np.random.default_rng(seed_of(seed, f"{number} {sorted(signals)}"))
             return self.predictive(fitted_classes[number], forward, rng, signals)
 
+        predictives_of(forward_for(next(iter(specimens_apart(like).values()))))
+
         def predict(data: xr.Dataset, seed: Seed) -> list[Prediction]:
-            forward.set_data(data)
+            forward = forward_for(data)
+            predictives = predictives_of(forward)
             states = seed.generate_state(len(predictives)).tolist()
             predictions = [p(state) for p, state in zip(predictives, states, strict=True)]
 
             def evidence_of(number: int, signals: frozenset[str]) -> float:
                 try:
-                    predictive = predictive_of_signals(number, signals)
+                    predictive = predictive_of_signals(forward, number, signals)
                     value, error = predictive(states[number]).log_evidence
                 except (ValueError, ArithmeticError):
                     return np.nan

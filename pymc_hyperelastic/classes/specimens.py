@@ -25,6 +25,7 @@ from scipy.special import logsumexp
 from pymc_hyperelastic.classes.reference import ClassPrior, one_draw
 from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTarget
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
@@ -98,8 +99,8 @@ class _SpecimenModel:
 class SpecimenSampler:
     """Sample specimens, each by itself, under one reference distribution.
 
-    Specimens with the same number of tests share one compiled model. The model holds the data of
-    one specimen at a time. The result of a specimen does not depend on other specimens.
+    Specimens with the same number and kinds of tests share one compiled model. The model holds the
+    data of one specimen at a time. The result of a specimen does not depend on other specimens.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class SpecimenSampler:
     ) -> None:
         self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
-        self._models: dict[int, _SpecimenModel] = {}
+        self._models: dict[tuple[int, bool, bool], _SpecimenModel] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data under the reference distribution."""
@@ -322,12 +323,13 @@ class SpecimenSampler:
             return float(squares.mean() - determined), float(count - determined)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
-        """Return the model for this number of tests, and set its data."""
+        """Return the model for this number and kinds of tests, and set its data."""
         tests = data.sizes["test"]
-        if tests not in self._models:
-            self._models[tests] = self._model(data, tests)
-        self._models[tests].forward.set_data(data)
-        return self._models[tests]
+        key = tests, *kinds_of_tests(data)
+        if key not in self._models:
+            self._models[key] = self._model(data, tests)
+        self._models[key].forward.set_data(data)
+        return self._models[key]
 
     @without_traces
     def _model(self, data: xr.Dataset, tests: int) -> _SpecimenModel:

@@ -50,6 +50,12 @@ def sheet_tests(data: xr.Dataset) -> NDArray[np.bool_]:
     return data.variables[STRESS_MEASURE].values.astype(str) != ""
 
 
+def kinds_of_tests(data: xr.Dataset) -> tuple[bool, bool]:
+    """Return whether there are tests of tubes, and whether there are tests of sheets."""
+    sheets = sheet_tests(data)
+    return not sheets.all(), bool(sheets.any())
+
+
 def nominal_points(data: xr.Dataset) -> NDArray[np.bool_]:
     """Return True for points of sheets at which nominal stresses were measured."""
     return (data.variables[STRESS_MEASURE].values == "nominal")[data["test"].values]

@@ -94,7 +94,7 @@ class Simulation:
                 "given: earlier tests are not supported for classes with experiment_effect, in "
                 "which the material varies between tests: leave given out"
             )
-        kind.check(given)
+        kind.check(given, partial=True)
         names = specimens_of(given)[0]
         if len(names) > 1:
             raise ValueError(f"given must hold tests of one specimen; it has {names}")

@@ -229,10 +229,11 @@ def build_model(
 ) -> pm.Model:
     """Return the model of :func:`inflation_model`, a part of `parent` or by itself.
 
-    The context is ignored. A `forward` model of these data may be given.
+    The context is ignored. A `forward` model of these data may be given; the data are then some of
+    those that the settings are for.
     """
     wall, distributions, unknown = complete_unknowns(energy, priors, parent)
-    likelihood.check(wall, data, distributions, unknown)
+    likelihood.check(wall, data, distributions, unknown, partial=forward is not None)
     if forward is None:
         # Classes fit one compiled Potential to the data of each; observed variables are not shared.
         settings = {"mode": mode, "replaceable": not likelihood.observed}

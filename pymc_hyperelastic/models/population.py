@@ -94,8 +94,8 @@ class Population:
         sizes = errors.pressure_sd, errors.force_sd, errors.stress_sd
         return not all(v is None or is_inferred(v) for v in sizes)
 
-    def check(self, data: xr.Dataset) -> None:
-        """Raise unless the specimens of these data can be modelled."""
+    def check(self, data: xr.Dataset, *, partial: bool = False) -> None:
+        """Raise unless the specimens of these data can be modelled, see :class:`Likelihood`."""
         wall, parameters = complete_wall(self.energy)
         check_moduli(self.energy)
         for name, prior in self.likelihood.unknowns.items():
@@ -107,7 +107,7 @@ class Population:
                 "mN: each test has an offset of its own, and the number is their prior"
             )
         check_measured_only(self.geometry)
-        self.likelihood.check(wall, data, parameters, self.geometry)
+        self.likelihood.check(wall, data, parameters, self.geometry, partial=partial)
         count = len(self.scale.names)
         sizes: dict[str, int | None] = {"location": count, "spread": count}
         if self.variability.experiment_effect:

@@ -6,6 +6,7 @@ import pymc as pm
 import pytest
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 
 LAW = ph.Ogden()
 TUBE = ph.Tube(1.0, 1.3, axial_stretch=1.2)
@@ -92,6 +93,95 @@ def test_classes_whose_specimens_differ_are_fitted_to_sheets_and_told_apart(with
     compared = ph.compare_classes(classes, ["log mu"], random_seed=1)
     typical = compared["difference"].sel(statistic="typical").squeeze().item()
     assert typical == pytest.approx(np.log(40 / 15), abs=0.4)
+
+
+def part_of(data, *, tubes):
+    """Return the tests of tubes, or of sheets, with the name of their kind in the specimen's."""
+    kind = "tube" if tubes else "sheet"
+    own = ph.select(data, stress_measure="" if tubes else "cauchy")
+    names = [f"{name} ({kind})" for name in own["specimen"].values.tolist()]
+    return own.assign_coords(specimen=("test", names))
+
+
+def test_pooled_classes_take_specimens_with_tests_of_one_kind():
+    """The evidence of a new tube, or sheet, follows from evidences of joined data."""
+    both = group("soft", 20.0, 2, spread=0.0, with_tube=True)
+    trained = ph.combine_tests(
+        both, part_of(group("soft x", 20.0, 1, spread=0, with_tube=True), tubes=True)
+    )
+    other = group("stiff", 22.0, 1, spread=0.0, with_tube=True, seed=2)
+    new = group("new", 20.2, 1, spread=0.0, with_tube=True, seed=3)
+    parts = [part_of(new, tubes=True), part_of(new, tubes=False)]
+    errors = likelihood(with_tube=True)
+    classes = ph.fit_classes(
+        LAW, {"soft": trained, "stiff": other}, errors, draws=1000, priors=PRIORS, **QUIET
+    )
+    found = ph.classify(ph.combine_tests(*parts), classes, by="specimen", random_seed=1)
+
+    def log_evidence(data):
+        model = ph.material_model(LAW, data, errors, priors=PRIORS)
+        return ph.log_evidence(ph.sample_smc(model, draws=1000, chains=2, **QUIET)).value
+
+    of_class = log_evidence(trained)
+    for i, part in enumerate(parts):
+        exact = log_evidence(ph.combine_tests(trained, part)) - of_class
+        value = found["log_evidence"].sel(class_label="soft").values[i]
+        assert value == pytest.approx(exact, abs=0.1)
+
+
+def test_specimen_with_tests_of_one_kind_is_sampled_as_by_a_model_of_that_kind():
+    """Errors of the other kind change nothing: draws and weights are the same numbers."""
+    data = group("S", 20.0, 1, spread=0.0, with_tube=True)
+    joint = HierarchicalClass.of_settings(LAW, likelihood(True), None, "specimen").sampler(data)
+    for tubes in (True, False):
+        part = part_of(data, tubes=tubes)
+        own = ph.Gaussian(pressure_sd=PRESSURE_SD) if tubes else likelihood(False)
+        alone = HierarchicalClass.of_settings(LAW, own, None, "specimen").sampler(part)
+        found, expected = (s(part, np.random.default_rng(1)) for s in (joint, alone))
+        np.testing.assert_allclose(found.points, expected.points, rtol=1e-6)
+        np.testing.assert_allclose(found.log_weight, expected.log_weight, rtol=1e-6)
+        assert found.misfit == pytest.approx(expected.misfit)
+
+
+def test_classes_whose_specimens_differ_take_specimens_with_tests_of_one_kind():
+    """Each new test finds the class of its material, by itself and as part of a specimen."""
+    groups = {
+        name: group(name, mu, 4, spread=0.2, with_tube=True, seed=4)
+        for name, mu in {"soft": 15.0, "stiff": 40.0}.items()
+    }
+    strips = part_of(group("more", 15.0, 2, spread=0.2, with_tube=True, seed=6), tubes=False)
+    groups["soft"] = ph.combine_tests(
+        groups["soft"], strips.assign_coords(group=("test", ["soft"] * strips.sizes["test"]))
+    )
+    classes = ph.fit_classes(
+        LAW, groups, likelihood(True), draws=300, variability="specimen", **QUIET
+    )
+    new = [
+        group("a", 15.0, 1, spread=0.1, with_tube=True, seed=5),
+        group("b", 40.0, 1, spread=0.1, with_tube=True, seed=5),
+    ]
+    found = ph.classify(ph.combine_tests(*new), classes, by="test", random_seed=1)
+    of_soft = found["class_probability"].sel(class_label="soft").values
+    assert of_soft[:3].min() > 0.9
+    assert of_soft[3:].max() < 0.1
+
+
+def test_cohort_holds_specimens_with_tests_of_one_kind(tmp_path):
+    """The evidence in each row is that of a model of this specimen alone."""
+    data = group("S", 20.0, 1, spread=0.0, with_tube=True)
+    parts = [data, part_of(data, tubes=True), part_of(data, tubes=False)]
+    store = ph.Store(tmp_path / "store")
+    found = ph.fit_cohort(
+        LAW, ph.combine_tests(*parts), likelihood(True), priors=PRIORS, store=store, **QUIET
+    )
+    for i, part in enumerate(parts):
+        own = {"pressure_sd": PRESSURE_SD} if i < 2 else {}
+        own |= {"stress_sd": STRESS_SD} if i != 1 else {}
+        model = ph.material_model(LAW, part, ph.Gaussian(**own), priors=PRIORS)
+        alone = ph.log_evidence(ph.sample_smc(model, draws=1000, chains=2, **QUIET))
+        row = found["evidence"].to_dataset().isel(specimen=i)
+        assert row["error"].item() == ""
+        assert row["log_evidence"].item() == pytest.approx(alone.value, abs=0.1)
 
 
 def test_property_of_a_tube_needs_a_tube_where_classes_hold_sheets_alone():

@@ -88,7 +88,7 @@ class ForwardModel(ABC):
         entry for each test.
         """
 
-    def with_data(self, data: xr.Dataset) -> Self:
+    def with_data(self, data: xr.Dataset) -> "ForwardModel":
         """The same for other data of the same kind, at other radii say."""
         return self._changed(data=data)
 

@@ -1,6 +1,6 @@
 """The forward model of tests of tubes and of sheets of one material."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -112,17 +112,21 @@ class JointForward(ForwardModel):
             parts["sheets"] = self.sheets.refined(sheets, parameters)
         return self._changed(**parts)
 
-    def with_data(self, data: xr.Dataset) -> "JointForward":
-        """The same for other data of the same kind."""
-        tubes, sheets = _tubes_of(data), _sheets_of(data)
+    def with_data(self, data: xr.Dataset) -> ForwardModel:
+        """The same for other data: the model of one kind of tests if there is one kind."""
+        tubes, sheets = tubes_of(data), sheets_of(data)
+        if tubes is None:
+            return self.sheets.with_data(sheets)
+        if sheets is None:
+            return self.tubes.with_data(tubes)
         parts = {"tubes": self.tubes.with_data(tubes), "sheets": self.sheets.with_data(sheets)}
         return self._changed(data=data, **parts)
 
     def set_data(self, data: xr.Dataset) -> None:
-        """Replace the data by others of the same kind, in all compiled expressions."""
-        self.tubes.set_data(_tubes_of(data))
-        self.sheets.set_data(_sheets_of(data))
+        """Replace the data by others of both kinds, in all compiled expressions."""
         super().set_data(data)
+        self.tubes.set_data(tubes_of(data))
+        self.sheets.set_data(sheets_of(data))
 
     def with_variables(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
@@ -130,19 +134,17 @@ class JointForward(ForwardModel):
         """The tests with variables of a model in place of the distributions."""
         tests = self.share("tests of each kind", _tests_of_each_kind)
 
-        def own(tests: Any) -> dict[str, Any]:
+        def variables_of(tests: Any) -> tuple[Values, Values | None, Values]:
             entries = self.energy.split(parameters)
             if self.by_test:
                 entries = [entry[tests] if is_inferred(entry) else entry for entry in entries]
-            return self.energy.join(entries)
+            z = {name: values[tests] for name, values in (deviations or {}).items()}
+            return self.energy.join(entries), geometry, z
 
-        tubes, sheets = tests["tubes"], tests["sheets"]
-        z_tubes = {name: z[tubes] for name, z in of_tubes(deviations).items()}
-        z_sheets = {name: z[sheets] for name, z in of_sheets(deviations).items()}
         return SymbolicJoint(
             self,
-            self.tubes.with_variables(own(tubes), geometry, z_tubes),
-            self.sheets.with_variables(own(sheets), deviations=z_sheets),
+            self.tubes.with_variables(*variables_of(tests["tubes"])),
+            self.sheets.with_variables(*variables_of(tests["sheets"])),
         )
 
 
@@ -167,21 +169,3 @@ class SymbolicJoint(SymbolicTests):
 def _tests_of_each_kind(data: xr.Dataset) -> Arrays:
     sheets = sheet_tests(data)
     return {"tubes": np.flatnonzero(~sheets), "sheets": np.flatnonzero(sheets)}
-
-
-def _tubes_of(data: xr.Dataset) -> xr.Dataset:
-    return _needed(tubes_of(data), data, "tubes")
-
-
-def _sheets_of(data: xr.Dataset) -> xr.Dataset:
-    return _needed(sheets_of(data), data, "sheets")
-
-
-def _needed(part: xr.Dataset | None, data: xr.Dataset, kind: str) -> xr.Dataset:
-    if part is None:
-        labels: Mapping[str, None] = dict.fromkeys(map(str, data["specimen"].values.tolist()))
-        raise ValueError(
-            f"specimens {[*labels]} have no tests of {kind}, and others have: where tests of "
-            "tubes and of sheets are modelled together, each specimen needs both kinds"
-        )
-    return part

@@ -30,7 +30,7 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     Values,
     WallVariables,
 )
-from pymc_hyperelastic.models.geometry import measured_of, priors_of
+from pymc_hyperelastic.models.geometry import measured_of, of_tubes, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
 # Radii of a test at which it is checked that pressure rises.
@@ -126,7 +126,7 @@ class TubeForward(ForwardModel):
 
         Those of an extension test are at axial stretches that are evenly spread.
         """
-        return self.with_data(_between(self.data))
+        return self._changed(data=_between(self.data))
 
     @property
     def _folded(self) -> bool:
@@ -137,7 +137,7 @@ class TubeForward(ForwardModel):
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicTube":
         """The tubes with variables of a model in place of the distributions."""
-        return SymbolicTube(self, self._wall(parameters, geometry, deviations))
+        return SymbolicTube(self, self._wall(parameters, geometry, of_tubes(deviations)))
 
     def _wall(
         self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None

@@ -14,6 +14,7 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
+from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -145,11 +146,14 @@ class Likelihood:
         """Return the number of measured pressures, forces and stresses in the likelihood."""
         columns = ["pressure"] * self.with_tubes + ["axial_force"] * self.with_force
         columns += ["stress_x", "stress_y"] * self.with_sheets
-        return sum(int(data[name].notnull().sum()) for name in columns)
+        return sum(int(data[name].notnull().sum()) for name in columns if name in data)
 
     def measured(self, data: xr.Dataset) -> list[str]:
         """Return the signals that these data have."""
-        return [n for n in self.signals if n != "force" or data["axial_force"].notnull().any()]
+        tubes, sheets = kinds_of_tests(data)
+        force = "axial_force" in data and bool(data["axial_force"].notnull().any())
+        there = {"pressure": tubes, "slope": tubes, "force": force, "stress": sheets}
+        return [name for name in self.signals if there[name]]
 
     def as_observed(self) -> Self:
         """Return the same likelihood, declared as observed variables."""
@@ -161,22 +165,23 @@ class Likelihood:
         data: xr.Dataset,
         parameters: Mapping[str, Any],
         geometry: Mapping[str, Any] | None = None,
+        *,
+        partial: bool = False,
     ) -> None:
-        """Raise unless the data have all that the likelihood of such a tube needs."""
+        """Raise unless the data have all that the likelihood of such a tube needs.
+
+        With `partial`, all tests may be of tubes, or of sheets, where the likelihood states errors
+        of both: the data are those of some specimens.
+        """
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
         check_data(data)
         tubes, sheets = tubes_of(data), sheets_of(data)
-        _check_kinds(self, tubes, sheets)
-        measures = {"tube": of_tubes(geometry), "sheet": of_sheets(geometry)}
-        for kind, part in (("tube", tubes), ("sheet", sheets)):
-            if measures[kind] and part is None:
-                raise ValueError(
-                    f"a prior is given for {sorted(measures[kind])[0]!r}, a measure of a {kind}, "
-                    f"but the data hold no tests of {kind}s: leave it away"
-                )
+        _check_errors_of(self, tubes, sheets)
+        if not partial:
+            _check_all_used(self, tubes, sheets, geometry)
         if tubes is not None:
-            self._check_tubes(wall, tubes, measures["tube"])
+            self._check_tubes(wall, tubes, of_tubes(geometry))
 
     def _check_tubes(
         self,
@@ -310,26 +315,41 @@ class Likelihood:
         return f"{type(self).__name__}({', '.join(arguments)})"
 
 
-def _check_kinds(
+def _check_errors_of(
     likelihood: Likelihood, tubes: xr.Dataset | None, sheets: xr.Dataset | None
 ) -> None:
     """Raise unless the likelihood states errors of the kinds of tests that the data hold."""
-    kinds = (
+    for there, stated, kind, example in (
         (tubes is not None, likelihood.with_tubes, "tubes", "pressure_sd=2 * ph.mmHg"),
         (sheets is not None, likelihood.with_sheets, "sheets", "stress_sd=5.0"),
-    )
-    # First, because errors of another kind are mostly those of this kind, with another name.
-    for there, stated, kind, example in kinds:
+    ):
         if there and not stated:
             raise ValueError(
                 f"the data hold tests of {kind}, and the likelihood {likelihood} states no error "
                 f"of them: give ph.Gaussian({example}), or leave these tests out"
             )
-    for there, stated, kind, _ in kinds:
-        if stated and not there:
+
+
+def _check_all_used(
+    likelihood: Likelihood,
+    tubes: xr.Dataset | None,
+    sheets: xr.Dataset | None,
+    geometry: Mapping[str, Any] | None,
+) -> None:
+    """Raise if errors, or measures of tubes or sheets, are stated that the data do not need."""
+    for part, stated, measures, kind in (
+        (tubes, likelihood.with_tubes, of_tubes(geometry), "tube"),
+        (sheets, likelihood.with_sheets, of_sheets(geometry), "sheet"),
+    ):
+        if part is None and stated:
             raise ValueError(
-                f"the likelihood {likelihood} states the errors of tests of {kind}, but the data "
+                f"the likelihood {likelihood} states the errors of tests of {kind}s, but the data "
                 "hold none: leave these errors away"
+            )
+        if part is None and measures:
+            raise ValueError(
+                f"a prior is given for {sorted(measures)[0]!r}, a measure of a {kind}, but the "
+                f"data hold no tests of {kind}s: leave it away"
             )
 
 
