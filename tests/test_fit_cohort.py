@@ -164,7 +164,7 @@ def test_representatives_of_sheets_include_extremes_and_each_free_direction():
 
 
 def test_properties_of_sheets_need_a_stated_tube(tmp_path):
-    """Without one nothing is sampled; with one the properties are those of this tube."""
+    """The error comes before any sampling; with a stated tube the properties are those of it."""
     strip = {"specimen": "S", "experiment": 1, "stretch": [1.1, 1.2, 1.3], "stress": [5, 10, 15.0]}
     sheets = ph.sheet_data(pd.DataFrame(strip), stress="nominal", kind="uniaxial")
     law, errors, store = ph.NeoHookean(), ph.Gaussian(stress_sd=1.0), serial(tmp_path)

@@ -55,6 +55,9 @@ def meaning_of(name: str, wall: list[NamedLayer], stress: float | None = None) -
         factor = "√2 × the " if base in SD_OF_SIGMA else ""
         kind = "weight" if base == "slope_weight" else "standard deviation"
         return f"{factor}{kind} of the {SIZES[base].of_what}"
+    if base.endswith("_deviation"):
+        measure = base.removesuffix("_deviation").replace("_", " ")
+        return f"error of the measured {measure}, in standard deviations"
     if base in SPREAD_OF_NOISE.values():
         return "standard deviation between specimens of the log of the measurement error"
     if base == "effect_spread":

@@ -94,6 +94,7 @@ def test_rows_of_a_frame_belong_to_their_labels():
         ("location[logit_angle]", "of the logit of angle between its limits"),
         ("|b|", "absolute value of b"),
         ("sigma", "√2 × the standard deviation of the errors of pressures"),
+        ("sheet_thickness_deviation[S1]", "error of the measured sheet thickness, in standard"),
         ("thickness", "thickness of the unloaded wall"),
     ],
 )
