@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.data.representatives import representatives
 from pymc_hyperelastic.data.select import tests_at, units_of
-from pymc_hyperelastic.data.variables import kinds_of_tests
+from pymc_hyperelastic.data.variables import kinds_of_tests, sheet_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.integral import integrate
@@ -329,6 +330,7 @@ def fit_cohort(
     conditions = None if at is None else as_conditions(at)
     if conditions is not None:
         conditions.in_kilopascal("warn")  # before anything is computed
+        _check_tubes(data, by, conditions)
     material, tube = split_by_owner(energy, "priors", priors)
     work = Fitting(
         by,
@@ -349,6 +351,18 @@ def fit_cohort(
     found = open_result(store)
     assert isinstance(found, xr.DataTree)
     return found
+
+
+def _check_tubes(data: xr.Dataset, by: str, at: Conditions) -> None:
+    """Raise unless a tube is known whose properties are asked for, also of sheets."""
+    check_data(data)
+    sheets = sheet_tests(data)
+    alone = [label for label, tests in units_of(data, by).items() if sheets[tests].all()]
+    if alone and "inner_radius" not in at.geometry():
+        raise ValueError(
+            f"{by} {alone[0]!r} holds no tube, only sheets, and `at` asks for properties of tubes: "
+            "state the tube, at=ph.Conditions(..., tube=ph.Tube(...)), or leave `at` away"
+        )
 
 
 def _record(name: str, value: Any) -> Any:

@@ -1,5 +1,7 @@
 """The posterior and the evidence of each specimen of a cohort."""
 
+import warnings
+
 import fits
 import numpy as np
 import pandas as pd
@@ -159,6 +161,22 @@ def test_representatives_of_sheets_include_extremes_and_each_free_direction():
         of_sheets = ph.select(found, stress_measure="cauchy")
         assert of_sheets["stretch_x"].isnull().any()
         assert of_sheets["stretch_y"].isnull().any()
+
+
+def test_properties_of_sheets_need_a_stated_tube(tmp_path):
+    """The error comes before any sampling; with a stated tube the properties are those of it."""
+    strip = {"specimen": "S", "experiment": 1, "stretch": [1.1, 1.2, 1.3], "stress": [5, 10, 15.0]}
+    sheets = ph.sheet_data(pd.DataFrame(strip), stress="nominal", kind="uniaxial")
+    law, errors, store = ph.NeoHookean(), ph.Gaussian(stress_sd=1.0), serial(tmp_path)
+    for data in (sheets, ph.combine_tests(cohort(2), sheets)):
+        with pytest.raises(ValueError, match=r"specimen 'S' holds no tube.*leave `at` away"):
+            ph.fit_cohort(law, data, errors, store, at=2.0, **QUIET)
+    assert not list(tmp_path.iterdir())
+    at = ph.Conditions(2.0, tube=ph.Tube(1.0, 1.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # three invented points are no good fit
+        found = ph.fit_cohort(law, sheets, errors, store, at=at, **QUIET)
+    assert float(found["properties"]["radius"].sel(interval="50 %").squeeze()) > 1.0
 
 
 @pytest.mark.deep

@@ -68,13 +68,13 @@ class PooledClass(ClassKind):
     ) -> "PooledClass":
         """Return the kind from arguments of :func:`~pymc_hyperelastic.fit_classes`.
 
-        ValueError if a measure of the tube has a prior.
+        ValueError if a measure of the tube or the sheet has a prior.
         """
-        material, tube = split_by_owner(energy, "priors", priors)
-        if tube:
+        material, measures = split_by_owner(energy, "priors", priors)
+        if measures:
             raise ValueError(
-                f"priors holds {next(iter(tube))!r}, a measure of the tube: this is possible only "
-                "with variability='specimen'"
+                f"priors holds {next(iter(measures))!r}, a measure of each specimen: this is "
+                "possible only with variability='specimen'"
             )
         return cls(energy, as_likelihood(likelihood), material)
 

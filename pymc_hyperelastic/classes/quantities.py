@@ -76,13 +76,17 @@ def standard_specimens(size: int, count: int) -> Array:
 
 def known_quantities(kind: HierarchicalClass) -> list[str]:
     """Return the names of coordinates, parameters and properties of specimens of a class."""
+    return [*kind.scale.names, *parameters_of(kind), *PROPERTIES]
+
+
+def parameters_of(kind: HierarchicalClass) -> list[str]:
+    """Return the names of the parameters, one for each entry, such as ``"mu[0]"``."""
     values = kind.scale.numbers([np.zeros(1) for _ in kind.scale.names])
-    parameters = [
+    return [
         f"{name}[{i}]" if value.ndim > 1 else name
         for name, value in values.items()
         for i in range(value.shape[1] if value.ndim > 1 else 1)
     ]
-    return [*kind.scale.names, *parameters, *PROPERTIES]
 
 
 def unit_of(name: str, kind: HierarchicalClass) -> str | None:

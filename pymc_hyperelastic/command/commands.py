@@ -15,6 +15,8 @@ import xarray as xr
 from pymc_hyperelastic.classes.classify import classify as classify_new
 from pymc_hyperelastic.classes.compare_classes import compare_classes
 from pymc_hyperelastic.classes.fit import fit_classes
+from pymc_hyperelastic.classes.groups import kind_of_groups
+from pymc_hyperelastic.classes.quantities import parameters_of
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
 from pymc_hyperelastic.data.files import read_tests
@@ -25,6 +27,7 @@ from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.io.results import save_result
 from pymc_hyperelastic.io.store import OtherWork, Store
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
@@ -286,7 +289,7 @@ def compare(
     trees = classes_of(study)
     result = compare_classes(
         trees if len(trees) > 1 else trees[0],
-        quantity or ["log compliance", "circumferential_material_stiffness"],
+        quantity or _quantities_of(trees),
         at=Conditions(size_of("--pressure", pressure, "pressure"), pressure_range=between),
         pair=pair,
         covariates=covariate,
@@ -312,6 +315,21 @@ def report(
         raise ValueError(f"--page is {str(page)!r}; expected a file that ends with .html")
     path = write_report(results_of(study), page, title=title, at=_IN_MMHG)
     typer.echo(f"The report is {path}.")
+
+
+def _quantities_of(trees: list[xr.DataTree]) -> list[str]:
+    """Return properties of tubes or, for sheets alone, the parameters that all laws have."""
+    fitted = [each for tree in trees for each in tree.children.values()]
+    if any(tubes_of(inflation_data_of(each)) is not None for each in fitted):
+        return ["log compliance", "circumferential_material_stiffness"]
+    parameters = [parameters_of(kind_of_groups(tree)) for tree in trees]
+    shared = [name for name in parameters[0] if all(name in of for of in parameters)]
+    if not shared:
+        raise ValueError(
+            "the study holds tests of sheets alone, and its laws share no parameter: keep one of "
+            f"the files {CLASSES}-*.nc in the folder, whose parameters are then compared"
+        )
+    return shared
 
 
 def _computed(compute: Callable[[], Any], store: Path, *, overwrite: bool) -> Any:

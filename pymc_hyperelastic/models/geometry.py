@@ -48,7 +48,7 @@ class MeasuredValue:
     A sheet has the measures ``sheet_thickness`` and ``gauge_length``, of which the data hold no
     values: their `sd` is relative. With the true thickness ``h e^{z s}`` a measured stress is the
     true one times ``e^{z s}``; with the true gauge length ``L e^{z s}`` the true stretch is
-    ``1 + (λ − 1) e^{−z s}``.
+    ``1 + (λ − 1) e^{−z s}``. A posterior holds ``e^{z s}`` under the names of these measures.
 
     Tests of one specimen share ``z``, its *deviation*. An error that several specimens share is
     taken as if each had its own.
@@ -257,10 +257,16 @@ def _check_held(data: xr.Dataset, reason: str) -> None:
 
 
 def register_deviations(geometry: Mapping[str, Any], dims: str = "specimen") -> dict[str, Any]:
-    """Deviations of the specimens' tubes, in the model of the context."""
-    return {
+    """Deviations of the specimens' measures, in the model of the context.
+
+    A measure of a sheet, relative to the measured value, is a variable of the model, too.
+    """
+    deviations = {
         name: pm.Normal(deviation_name(name), 0.0, 1.0, dims=dims) for name in measured_of(geometry)
     }
+    for name, measure in of_sheets(geometry).items():
+        pm.Deterministic(name, pm.math.exp(measure.sd * deviations[name]), dims=dims)
+    return deviations
 
 
 def deviation_name(name: str) -> str:

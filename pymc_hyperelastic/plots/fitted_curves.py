@@ -169,7 +169,7 @@ def data_beside(classes: Mapping[str, xr.DataTree], data: Any) -> dict[str, xr.D
         own = data[name] if several else data
         if own is None:
             if not holds_inflation_data(tree):
-                raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
+                raise ValueError(f"{name!r} holds no data of tests: give them as data=...")
             own = inflation_data_of(tree)
         check_data(own)
         shown[name] = own

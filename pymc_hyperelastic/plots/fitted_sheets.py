@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.models.likelihoods.errors import Errors
@@ -14,7 +13,7 @@ from pymc_hyperelastic.plots.curves import Array, band_rows
 from pymc_hyperelastic.plots.fitted_curves import FittedCurve, Specimen
 from pymc_hyperelastic.plots.residuals import errors_of
 from pymc_hyperelastic.plots.stretches import names_of_tests, sheet_curves, shown_axis
-from pymc_hyperelastic.predictions.sheets import SheetDraws, sheet_draws_of, stresses_of_sheet
+from pymc_hyperelastic.predictions.sheets import SheetDraws, sheet_draws_of
 
 _POINTS = 80  # points of a curve
 # Change of the logarithm of a stretch in a central difference: its error is about its square.
@@ -41,13 +40,12 @@ def stress_curves_of(
     measured = {axis: tests[f"stretch_{axis}"].values.astype(float) for axis in "xy"}
     path = _along(measured)
     is_nominal = tests["stress_measure"].values[0] == "nominal"
-    band = stresses_of_sheet(draws, path, np.full(path["x"].size, is_nominal))
+    band = draws.measured(path, np.full(path["x"].size, is_nominal))
     beyond = draws.extrapolated(path)
     errors = errors_of(specimen.tree, draws)
     for of in sheet_curves(tests):
         over = path[shown_axis(measured, of.axis)]
-        values = _by_draw(band[f"stress_{of.axis}"])
-        rows = band_rows(over, values, ci_prob, 0.0 if beyond is None else beyond.points)
+        rows = band_rows(over, band[of.axis], ci_prob, 0.0 if beyond is None else beyond.points)
         standardised = None
         if residuals and errors is not None and errors.stress_sd is not None:
             standardised = _residuals(of.axis, of.stress, measured, is_nominal, draws, errors)
@@ -71,10 +69,6 @@ def _along(measured: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def _by_draw(stress: xr.DataArray) -> Array:
-    return stress.transpose("chain", "draw", "point").values
-
-
 def _residuals(
     axis: str,
     stress: Array,
@@ -87,7 +81,7 @@ def _residuals(
     nominal = np.full(stress.size, is_nominal)
 
     def curve(stretches: Mapping[str, Array]) -> Array:
-        return _by_draw(stresses_of_sheet(draws, stretches, nominal)[f"stress_{axis}"])
+        return draws.measured(stretches, nominal)[axis]
 
     variance = np.square(errors.stress_sd)
     if errors.stretch_sd is not None:

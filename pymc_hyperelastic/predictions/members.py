@@ -22,6 +22,8 @@ from pymc_hyperelastic.evidence.stored import (
 from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
 from pymc_hyperelastic.models.geometry import (
     deviated_tube,
+    of_sheets,
+    of_tubes,
     tube_of_specimens,
 )
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -207,29 +209,35 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
     )
     coordinates = posterior["location"].transpose("coordinate", "chain", "draw")
     found = _parameters(scale, coordinates.copy(data=draws.centre[:, chosen]))
-    found = found.assign(_tube_of_draws(tree, specimen, draws.deviations[:, chosen]))
+    found = found.assign(_measures_of_draws(tree, specimen, draws.deviations[:, chosen]))
     # Sizes of measurement errors that the class infers for each specimen.
     noises = read_group(tree, "specimens").coords.get("noise", xr.DataArray([])).values.tolist()
     sizes = zip(noises, draws.log_size, strict=False)
     return found.assign({str(n): (("chain", "draw"), np.exp(v[chosen])) for n, v in sizes})
 
 
-def _tube_of_draws(
+def _measures_of_draws(
     tree: xr.DataTree, specimen: str, deviations: Array
 ) -> dict[str, tuple[tuple[str, str], Array]]:
-    """Return the measures of a specimen's tube that were measured with an error, (chain, draw)."""
+    """Return the measures of a specimen that were measured with an error, (chain, draw).
+
+    Those of sheets are relative to the measured value, which the data do not hold.
+    """
     settings = model_settings_of(tree)
     errors = settings.geometry_sd if settings else {}
     if len(errors) != len(deviations):
-        raise damaged(tree, f"its draws have {len(deviations)} measures of tubes, not {[*errors]}")
+        raise damaged(tree, f"its draws have {len(deviations)} measures, not {[*errors]}")
+    by_name = dict(zip(errors, deviations, strict=True))
+    found = {name: np.exp(errors[name] * z) for name, z in of_sheets(by_name).items()}
     # Predictions take the axial stretch from the caller or the data, not from a test's deviation.
-    by_name = {k: z for k, z in zip(errors, deviations, strict=True) if k != "axial_stretch"}
-    if not by_name:
-        return {}
-    measured = tube_of_specimens(tests_of(inflation_data_of(tree), specimen), errors)
-    tube = deviated_tube({name: values.item() for name, values in measured.items()}, by_name)
-    tube.pop("axial_stretch")
-    return {name: (("chain", "draw"), v) for name, v in tube.items() if np.ndim(v)}
+    z_tubes = {name: z for name, z in of_tubes(by_name).items() if name != "axial_stretch"}
+    tests = tubes_of(tests_of(inflation_data_of(tree), specimen))
+    if z_tubes and tests is not None:
+        measured = tube_of_specimens(tests, of_tubes(errors))
+        tube = deviated_tube({name: values.item() for name, values in measured.items()}, z_tubes)
+        tube.pop("axial_stretch")
+        found |= tube
+    return {name: (("chain", "draw"), v) for name, v in found.items() if np.ndim(v)}
 
 
 def names_of_specimens(fitted: xr.DataTree) -> list[str]:

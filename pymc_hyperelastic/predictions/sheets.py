@@ -1,6 +1,7 @@
 """Predict the stresses of a sheet, as posteriors, from any sampled result."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +24,8 @@ from pymc_hyperelastic.predictions.measured import (
     warned,
 )
 from pymc_hyperelastic.predictions.members import Member
-from pymc_hyperelastic.predictions.walls import wall_draws_of
-from pymc_hyperelastic.quantities import IN_RESULTS
+from pymc_hyperelastic.predictions.walls import values_by_draw, wall_draws_of
+from pymc_hyperelastic.quantities import IN_RESULTS, SHEET_MEASURES
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
@@ -143,6 +144,8 @@ class SheetDraws(NamedTuple):
     """Specimen whose parameters and tests are used."""
     of_class: str | None = None
     """Name of the class, if the result is one of several classes."""
+    ratios: Mapping[str, Array] = MappingProxyType({})
+    """True over measured measures of the sheet, by name, (chain, draw, 1); none if known."""
 
     def extrapolated(self, stretches: Mapping[str, Array]) -> Extrapolated | None:
         """Flag points outside the measured stretches; None if the result has no data."""
@@ -212,18 +215,37 @@ class SheetDraws(NamedTuple):
                 ]
         return logs
 
+    def measured(
+        self, stretches: Mapping[str, Array], nominal: NDArray[np.bool_]
+    ) -> dict[str, Array]:
+        """Return stresses as they were measured, at measured stretches, (chain, draw, point).
+
+        The thickness and the gauge length by which they were computed may have had errors.
+        """
+        length = self.ratios.get("gauge_length", np.ones((1, 1, 1)))
+        found = self.stresses({axis: 1 + (v - 1) / length for axis, v in stretches.items()})
+        thickness = self.ratios.get("sheet_thickness", 1.0)
+        return {
+            axis: thickness
+            * np.where(nominal, found[axis] / np.exp(found[f"log_{axis}"]), found[axis])
+            for axis in "xy"
+        }
+
     def stresses(self, stretches: Mapping[str, Array]) -> dict[str, Array]:
-        """Return Cauchy stresses, and logarithms of stretches, (chain, draw, point)."""
-        shape = np.broadcast_shapes(
-            (1, 1, stretches["x"].size), *(np.shape(entry) for entry in self.entries)
-        )
+        """Return Cauchy stresses, and logarithms of stretches, (chain, draw, point).
+
+        The stretches are (point) or, if they differ between draws, (chain, draw, point).
+        """
+        logs = {axis: np.log(np.array(v, ndmin=3)) for axis, v in stretches.items()}
+        shapes = [np.shape(values) for values in (*logs.values(), *self.entries)]
+        shape = np.broadcast_shapes(*shapes)
         found = {name: np.full(shape, np.nan) for name in ("x", "y", "log_x", "log_y")}
-        free = {axis: np.isnan(stretches[axis]) for axis in "xy"}
+        free = {axis: np.isnan(log[0, 0]) for axis, log in logs.items()}
         for given in ((True, True), (True, False), (False, True)):
             here = (free["x"] != given[0]) & (free["y"] != given[1])
             if here.any():
                 log_x, log_y = (
-                    np.log(stretches[axis][here])[None, None] if known else None
+                    logs[axis][..., here] if known else None
                     for axis, known in zip("xy", given, strict=True)
                 )
                 values = numeric_stresses(self.energy, log_x, log_y, self.entries)
@@ -256,8 +278,9 @@ def sheet_draws_of(
             "the result is of a wall of layers, and a sheet is of one material: predict tubes of "
             "these layers, such as ph.predict_pressure, or fit one strain energy"
         )
-    law = wall[0].energy
-    return SheetDraws(law, law.split(values[0]), member, result.name)
+    law, posterior = wall[0].energy, member.posterior
+    ratios = {n: values_by_draw(posterior, n) for n in SHEET_MEASURES if n in posterior}
+    return SheetDraws(law, law.split(values[0]), member, result.name, ratios)
 
 
 def stresses_of_sheet(

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pymc_hyperelastic.classes.quantities import MOST_LACKING
+from pymc_hyperelastic.classes.quantities import MOST_LACKING, PROPERTIES
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.plots.comparison import plot_comparison
@@ -70,7 +70,7 @@ def show_comparison(result: xr.Dataset, page: Page) -> None:
         result,
         note=f"Median and {100 * prob:.3g} % interval of the posterior.",
     )
-    if tube := read_json(result, "tube", {}):
+    if (tube := read_json(result, "tube", {})) and _is_of_tubes(result):
         page.text(f"All materials are compared in one tube: {tube_in_words(tube)}.")
     page.findings += [
         _finding(result.sel(comparison=name)) for name in result["comparison"].values.tolist()
@@ -196,8 +196,8 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
     names = result["quantity"].values.tolist()
     words = [quantity_in_words(name) for name in names]
     count = int(result.attrs.get("compared", len(names)))
-    at = ""
-    if "pressure" in result.coords:
+    at, tube = "", ", all in one tube" if _is_of_tubes(result) else ""
+    if tube and "pressure" in result.coords:
         pressures, unit = np.atleast_1d(result["pressure"].values), result.attrs["pressure_unit"]
         if len(pressures) > 1:
             ends = f"{short(float(pressures.min()))} to {short(float(pressures.max()))}"
@@ -206,7 +206,7 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
             at = f" at {short(float(pressures[0]))} {unit}"
     page.methods += [
         f"The groups {listed(result['group'].values.tolist())} were compared by the posterior of "
-        f"the difference of their typical specimens in {listed(words)}{at}, all in one tube; "
+        f"the difference of their typical specimens in {listed(words)}{at}{tube}; "
         f"intervals hold {100 * float(result.attrs['interval']):.3g} %.",
         f"In total, {count} differences were compared, without a correction for their number."
         if count > 1
@@ -217,3 +217,9 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
             "Bayes factors compare different distributions of the specimens of the groups with "
             "one distribution for all specimens."
         )
+
+
+def _is_of_tubes(result: xr.Dataset) -> bool:
+    """Return True if a compared quantity is a property of a tube, not of the material alone."""
+    names = result["quantity"].values.tolist()
+    return any(name.removeprefix("log ") in PROPERTIES for name in names)

@@ -25,7 +25,7 @@ _OF_COORDINATES = {
 }
 # Coordinates of specimens: the pattern of the name, and words. "{stress}" is the reference stress.
 _COORDINATES = {
-    r"log_reference_strain(_\d+)?": "log of the circumferential strain at {stress}",
+    r"log_reference_strain(_\d+)?": "log of the strain (circumferential, or along x) at {stress}",
     r"log_biaxial_strain(_\d+)?": "log of the equibiaxial strain at {stress}",
     r"log_stress_(.+)_over_(.+)": r"log of the stress due to \1 over that due to \2",
     r"log_(.+)_ratio": r"log of \1 over the first modulus",
@@ -55,6 +55,9 @@ def meaning_of(name: str, wall: list[NamedLayer], stress: float | None = None) -
         factor = "√2 × the " if base in SD_OF_SIGMA else ""
         kind = "weight" if base == "slope_weight" else "standard deviation"
         return f"{factor}{kind} of the {SIZES[base].of_what}"
+    if base.endswith("_deviation"):
+        measure = base.removesuffix("_deviation").replace("_", " ")
+        return f"error of the measured {measure}, in standard deviations"
     if base in SPREAD_OF_NOISE.values():
         return "standard deviation between specimens of the log of the measurement error"
     if base == "effect_spread":
@@ -74,9 +77,9 @@ def coordinate_in_words(name: str, stress: float | None = None) -> str:
     """Return what a coordinate of a specimen means.
 
     >>> coordinate_in_words("log_reference_strain", 20.0)
-    'log of the circumferential strain at a wall stress of 20 kPa'
+    'log of the strain (circumferential, or along x) at a stress of 20 kPa'
     """
-    at = "the reference stress" if stress is None else f"a wall stress of {stress:.4g} kPa"
+    at = "the reference stress" if stress is None else f"a stress of {stress:.4g} kPa"
     for pattern, words in _COORDINATES.items():
         if re.fullmatch(pattern, name):
             return re.sub(pattern, words, name).format(stress=at)

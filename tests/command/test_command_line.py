@@ -137,6 +137,40 @@ def test_compare_command_stores_and_reports_differences_of_groups(run, table, tm
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.deep
+def test_compare_command_compares_parameters_of_sheets(run, tmp_path):
+    """Sheets have no pressures, and so no properties at a pressure; the report names no tube."""
+    stretch, rng = np.linspace(1.05, 1.3, 6), np.random.default_rng(1)
+    rows = []
+    for group, mu in (("soft", 15.0), ("stiff", 60.0)):
+        for number in range(3):
+            own = mu * np.exp(0.1 * rng.standard_normal()) * (stretch - stretch**-2)
+            rows.append(
+                pd.DataFrame(
+                    {
+                        "specimen": f"{group} {number}",
+                        "group": group,
+                        "experiment": 1,
+                        "stretch": stretch,
+                        "nominal stress [kPa]": own + 0.2 * rng.standard_normal(6),
+                        "kind": "uniaxial",
+                    }
+                )
+            )
+    table, study = tmp_path / "strips.csv", tmp_path / "study"
+    pd.concat(rows).to_csv(table, index=False)
+    fit = ["--law", "NeoHookean", "--stress-sd", "0.2 kPa", "--draws", "500", "--chains", "1"]
+    run("fit", table, *fit, "--quiet", "--out", study)
+    assert "stiff − soft" in run("compare", "--out", study)
+    found = ph.open_result(study / "comparison-groups.nc")
+    assert found["quantity"].values.tolist() == ["mu"]
+    difference = found["difference"].sel(statistic="typical").squeeze().item()
+    assert difference == pytest.approx(60 - 15, abs=20)
+    run("report", study)
+    page = (study / "report.html").read_text(encoding="utf-8")
+    assert "Differences" in page and "one tube" not in page
+
+
 def test_likelihood_is_read_from_the_settings_file(run, table, tmp_path):
     settings = tmp_path / "study.toml"
     settings.write_text('[likelihood]\npressure_sd = "5"\n')

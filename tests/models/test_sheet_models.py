@@ -221,6 +221,14 @@ def test_errors_of_tests_that_the_data_lack_are_refused():
         ph.material_model(ph.Ogden(), tubes(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}), JOINT)
 
 
+def test_an_error_of_pressures_alone_is_answered_with_the_error_that_sheets_need():
+    """A bare number is an error of pressures, which sheets do not have."""
+    data = sheets(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}, ["equibiaxial"])
+    for likelihood in (NOISE, ph.SlopeAugmented(sigma=NOISE, slope_weight=1.0)):
+        with pytest.raises(ValueError, match=r"tests of sheets.*give ph.Gaussian\(stress_sd="):
+            ph.material_model(ph.Ogden(), data, likelihood)
+
+
 def test_layers_and_rising_pressures_are_for_tubes():
     """A sheet is one material, and its stresses are no pressures."""
     data = sheets(ph.Ogden(), {"mu": 20.0, "alpha": 6.0}, ["equibiaxial"])
@@ -255,6 +263,9 @@ def test_uncertain_thickness_and_gauge_length_scale_stresses_and_strains():
         for name, mean in zip(("stress_x", "stress_y"), expected, strict=True)
     )
     assert log_density_at(model, values) == pytest.approx(exact, rel=1e-10)
+    for name, value in z.items():
+        ratio = model[name].eval({model[f"{name}_deviation"]: [value]})
+        assert ratio == pytest.approx(factor[name])
 
 
 def test_joint_model_takes_errors_of_tubes_and_of_sheets():

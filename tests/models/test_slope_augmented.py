@@ -10,10 +10,12 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN
+from sheet_tables import by_hand, joint_by_hand
 from tables import SECTOR
 from tiers import deep
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.sheets import tubes_of
 
 # Both sides are exact to about 1e-12 of the largest pressure, which enters as a square.
 LIKELIHOOD_TOLERANCE = 1e-9
@@ -196,3 +198,10 @@ def test_balanced_slope_weight_is_the_ratio_of_squared_pressures_and_slopes():
     pressures = sum(np.sum(c.pressure**2) for c in curves)
     slopes = sum(np.sum((c.differences() @ c.pressure) ** 2) for c in curves)
     assert ph.balanced_slope_weight(MIXED) == pytest.approx(pressures / slopes, rel=ROUNDING)
+
+
+def test_balanced_slope_weight_leaves_out_tests_of_sheets():
+    joint, tubes = joint_by_hand(), tubes_of(joint_by_hand())
+    assert ph.balanced_slope_weight(joint) == ph.balanced_slope_weight(tubes)
+    with pytest.raises(ValueError, match="tests of sheets only, which have no slopes"):
+        ph.balanced_slope_weight(by_hand())

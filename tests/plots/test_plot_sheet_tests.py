@@ -2,6 +2,7 @@
 
 import fits
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from figures import elements, legend_texts, points_of, texts
@@ -125,6 +126,63 @@ def test_residuals_are_in_standard_deviations_of_the_noise(stretch_sd):
         variance = variance + (stretch_sd * 22.0 * (1 + 2 * x**-3)) ** 2
     expected = (measured - 22.0 * (x - x**-2)) / np.sqrt(variance)
     np.testing.assert_allclose(points_of(figure, "residual"), sorted_points(x, expected), rtol=1e-6)
+
+
+def test_curves_are_those_of_the_measured_thickness_and_gauge_length():
+    """The curve passes where the stress is measured, not where it truly is."""
+    data, mu, thickness, length = ph.select(by_hand(), experiment="uniaxial"), 20.0, 1.2, 0.9
+    draws = {"mu": [mu], "sheet_thickness": [thickness], "gauge_length": [length]}
+    figure = ph.plot_fit(fitted(data, ph.NeoHookean(), draws), residuals=True, backend="none")
+    x, measured = data["stretch_x"].values, data["stress_x"].values
+    true = 1 + (x - 1) / length
+    expected = (measured - thickness * mu * (true - true**-2)) / SD
+    np.testing.assert_allclose(
+        points_of(figure, "residual"), sorted_points(x, expected), rtol=ROUNDING
+    )
+    curve = elements(figure, "line")[0]
+    np.testing.assert_allclose(
+        curve["y"][-1], thickness * mu * (true - true**-2)[-1], rtol=ROUNDING
+    )
+
+
+def strips(thickness, rng, *, with_tube):
+    """Return strips, and perhaps tubes, of one material; the thickness of a strip has an error."""
+    tube, stretch, radius = ph.Tube(1.0, 1.3), np.linspace(1.05, 1.3, 6), np.linspace(1.05, 1.4, 6)
+    pressure = ph.inflation_pressure(ph.NeoHookean(), radius, tube, mu=20.0).eval()
+    parts = []
+    for i, factor in enumerate(thickness):
+        stress = factor * 20.0 * (stretch - stretch**-2) + SD * rng.standard_normal(6)
+        frame = {"specimen": f"S{i}", "experiment": "strip", "stretch": stretch, "stress": stress}
+        parts.append(ph.sheet_data(pd.DataFrame(frame), stress="nominal", kind="uniaxial"))
+        if with_tube:
+            frame |= {"experiment": "tube", "radius": radius}
+            frame["pressure"] = pressure + 0.2 * rng.standard_normal(6)
+            parts.append(ph.inflation_data(pd.DataFrame(frame), tube, check="ignore"))
+    return ph.combine_tests(*parts)
+
+
+@pytest.mark.parametrize("with_tube", [False, True], ids=["strips", "strips and tubes"])
+def test_curves_of_a_class_pass_through_data_with_an_error_of_the_thickness(with_tube):
+    """A strip comes before the tube of the same specimen, whose thickness has an error, too."""
+    data = strips([1.4, 0.7, 1.1], np.random.default_rng(1), with_tube=with_tube)
+    measures = {"sheet_thickness": ph.MeasuredValue(sd=0.3)}
+    if with_tube:
+        measures["thickness"] = ph.MeasuredValue(sd=0.01)
+    classes = ph.fit_classes(
+        ph.NeoHookean(),
+        {"S": data},
+        ph.Gaussian(stress_sd=SD, pressure_sd=0.2 if with_tube else None),
+        priors=measures,
+        variability="specimen",
+        draws=100,
+        random_seed=1,
+        progressbar=False,
+    )
+    for signal in ("stress", "pressure") if with_tube else ("stress",):
+        figure = ph.plot_fit(classes, signal=signal, residuals=True, backend="none")
+        residual = points_of(figure, "residual")[1]
+        # Without the factor residuals would be up to 30; of 18 normal numbers none is beyond 5.
+        assert residual.size == 18 and np.abs(residual).max() < 5
 
 
 def test_fit_of_a_joint_result_shows_each_kind_of_tests():

@@ -88,11 +88,13 @@ def test_rows_of_a_frame_belong_to_their_labels():
     ("name", "words"),
     [
         ("location[log_biaxial_strain]", "mean over the specimens of the log of the equibiaxial"),
+        ("location[log_reference_strain]", "strain (circumferential, or along x) at a stress of"),
         ("spread[log_stress_k1_over_c]", "log of the stress due to k1 over that due to c"),
         ("experiment_spread[log_b]", "between experiments on one specimen of the log of b"),
         ("location[logit_angle]", "of the logit of angle between its limits"),
         ("|b|", "absolute value of b"),
         ("sigma", "√2 × the standard deviation of the errors of pressures"),
+        ("sheet_thickness_deviation[S1]", "error of the measured sheet thickness, in standard"),
         ("thickness", "thickness of the unloaded wall"),
     ],
 )

@@ -13,6 +13,7 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     measured_radius,
 )
+from pymc_hyperelastic.data.sheets import tubes_of
 
 
 def balanced_slope_weight(data: xr.Dataset) -> float:
@@ -21,9 +22,9 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
 
     with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
-    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests are
-    left out. Use one value for all classes, that of all data together: evidences under different
-    likelihoods cannot be compared.
+    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests and
+    tests of sheets are left out. Use one value for all classes, that of all data together:
+    evidences under different likelihoods cannot be compared.
 
     Parameters
     ----------
@@ -38,7 +39,8 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     Raises
     ------
     ValueError
-        If a test has too few points or repeated radii for a slope, or no slope differs from 0.
+        If a test has too few points or repeated radii for a slope, or no slope differs from 0, or
+        if there are no tests of tubes.
 
     See Also
     --------
@@ -51,6 +53,13 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     3.03
     """
     check_data(data)
+    tubes = tubes_of(data)
+    if tubes is None:
+        raise ValueError(
+            "the data hold tests of sheets only, which have no slopes: give their errors in "
+            "ph.Gaussian(stress_sd=...)"
+        )
+    data = tubes
     check_slopes(data)
     slope = measured_slopes(data)
     if not np.any(slope):
