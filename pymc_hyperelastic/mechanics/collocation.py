@@ -56,9 +56,12 @@ class CollocatedIntegral(TubeOp):
 
 
 def collocate(
-    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: Mapping[str, Array]
+    tubes: KnownTubes,
+    groups: Sequence[Group],
+    curves: Mapping[str, Array],
+    targets: Mapping[str, Array],
 ) -> dict[str, Any]:
-    """Return matrices of :class:`CollocatedIntegral`, compressed against the measured values.
+    """Return matrices of :func:`curve_matrices`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
     for every response ``g``. The `targets` are the measured values at each point, or NaN:
@@ -69,7 +72,6 @@ def collocate(
     ``_matrix`` (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all
     ``ρ²``). There are as many rows as nodes, or as points if these are fewer.
     """
-    curves, _ = curve_matrices(tubes, groups, basis)
     count = curves["log_hoop"].shape[1]
     found: dict[str, Any] = {name: curves[name] for name in ("log_hoop", "log_axial")}
     for name, target in targets.items():

@@ -76,12 +76,12 @@ class TabulatedQuadrature(Integrator):
         As many numbers as there are nodes stand for all points, see :func:`collocate`.
         """
         tubes, groups = self.groups(data)
+        matrices, place = curve_matrices(tubes, groups, self.basis)
         if "force_sum" not in targets:
-            return collocate(tubes, groups, self.basis, targets)
+            return collocate(tubes, groups, matrices, targets)
         # The forces of a test have points in several groups: those with sums are not compressed.
         others = {name: target for name, target in targets.items() if not name.startswith("force")}
-        arrays = collocate(tubes, groups, self.basis, others)
-        matrices, place = curve_matrices(tubes, groups, self.basis)
+        arrays = collocate(tubes, groups, matrices, others)
         rows = np.flatnonzero(np.isfinite(targets["force"]))
         arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
         arrays |= {"force_rows": place[rows], "force_target": targets["force"][rows]}
