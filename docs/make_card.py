@@ -9,7 +9,7 @@ import pymc_hyperelastic as ph
 
 GROUND, INK, COLOURS = "#14181e", "white", {"C1": "#f59e0b", "C2": "#38bdf8"}
 
-SENTENCE = """Bayesian hyperelastic tubes on PyMC:
+SENTENCE = """Bayesian tubes and sheets on PyMC:
 materials, groups and probabilities
 of class, with their errors"""
 

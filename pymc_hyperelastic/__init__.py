@@ -1,7 +1,8 @@
-"""Bayesian models of inflated hyperelastic tubes.
+"""Bayesian models of hyperelastic tubes and sheets.
 
-Inflation curves of soft tubes go in; probability distributions of material parameters, class
-evidences and class probabilities come out, as ordinary PyMC models and ArviZ results.
+Curves of inflated tubes and of stretched sheets go in; probability distributions of material
+parameters, class evidences and class probabilities come out, as ordinary PyMC models and ArviZ
+results.
 """
 
 from importlib.metadata import version

@@ -90,7 +90,7 @@ def compare_classes(
         The animal of each specimen, for two groups of the same animals, such as before and after a
         treatment. Either the name of a variable of the data with one value per test, or a dict from
         specimens to animals.
-    covariates : sequence of str, dict or pandas.DataFrame, optional
+    covariates : str, sequence of str, dict or pandas.DataFrame, optional
         Covariates such as age, sex or batch: names of variables of the data with one value per
         test, or values by name and specimen. Each covariate has a linear effect on all coordinates,
         which is the same in all groups. Values that are not numbers are categories. Groups are

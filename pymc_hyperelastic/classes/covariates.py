@@ -78,6 +78,7 @@ class Covariates:
 
     def __init__(self, tree: xr.DataTree, given: Any) -> None:
         columns: dict[str, OfSpecimens] = {}
+        given = [given] if isinstance(given, str) else given
         for name in given if given is not None else []:
             values = given[name] if not isinstance(given, (list, tuple)) else name
             columns |= _as_numbers(name, _by_specimen(tree, name, values))

@@ -183,7 +183,11 @@ def _refuse_repeated(
         compared = {"axial_stretch": stretch} | compared
     values = np.column_stack(list(compared.values()))
     twice = pd.DataFrame(values).assign(test=rows.test).duplicated().to_numpy()
-    drop = "delete the line" if rows.of_files else "drop it, frame.drop_duplicates()"
+    drop = (
+        "delete the line"
+        if rows.of_files
+        else "drop it, by frame.drop_duplicates(subset=[...]) of labels and measured values"
+    )
     for points in tests:
         if not twice[points].any():
             continue

@@ -37,7 +37,8 @@ def test_numeric_covariates_are_standardised_and_categories_become_indicators(cl
 
 def test_covariates_and_pairs_can_be_variables_of_the_data(classes):
     data = with_animals(classes, [3, 1, 2], [1, 2, 2, 3])
-    covariates = Covariates(data, ["animal"])
+    covariates = Covariates(data, "animal")
+    assert covariates.names == Covariates(data, ["animal"]).names
     assert covariates.of("soft", "A2")[0] == covariates.of("stiff", "B1")[0] < 0
     assert pairs_of(data, "animal") == [(3, "A1", "B3"), (1, "A2", "B1"), (2, "A3", "B2")]
     pairs = pairs_of(classes, by_name("x", "y", "z", "y", "x", "z"))

@@ -422,7 +422,8 @@ REFUSED = {
     "row twice": (
         lambda: build(pd.concat([biaxial(), biaxial().iloc[[2]].set_index(pd.Index([30]))])),
         f"{PLACE}, row 30: repeats row 12 (stretch_x 1.1, stretch_y 1.05, stress_x 4, stress_y 1), "
-        "and would count twice: drop it, frame.drop_duplicates()",
+        "and would count twice: drop it, by frame.drop_duplicates(subset=[...]) of labels and "
+        "measured values",
     ),
     "group changes": (
         lambda: build(biaxial(group=list("AAAAB"))),
