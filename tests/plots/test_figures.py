@@ -64,7 +64,7 @@ def without_data(tree):
         (lambda c, r: ph.plot_parameter_density(c, var_names=["mu", "mu"]), "two different"),
         (lambda c, r: ph.plot_parameter_density(c, ci_probs=[1.0]), "between 0 and 1"),
         (lambda c, r: ph.plot_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
-        (lambda c, r: ph.plot_fit(without_data(c["C1"])), "no inflation data"),
+        (lambda c, r: ph.plot_fit(without_data(c["C1"])), "holds no data of tests"),
         (lambda c, r: ph.plot_class_probability(DATA), "lacks 'class_probability'"),
         (lambda c, r: ph.plot_class_probability({"A": r, "B": r.head(1)}), "differ in their"),
         (lambda c, r: ph.plot_class_probability(r, none_below=1), "none_below is 1; expected"),

@@ -96,7 +96,7 @@ def test_fit_tables_equal_the_results_of_specimens_and_classes(page, results):
     headings, rows = page.table("Parameters: Classes")
     spread = variable["soft"]["posterior"]["spread"].values[..., 0]
     assert rows[2][0] == "spread[log_reference_strain]"
-    assert rows[2][1].startswith("standard deviation between specimens of the log of the circ")
+    assert rows[2][1].startswith("standard deviation between specimens of the log of the strain")
     expected = np.quantile(spread, [0.5, 0.025, 0.975])
     np.testing.assert_allclose(rows[2][headings.index("class soft")], expected)
     assert "The parameters of the material are those of the typical specimen" in page.text
