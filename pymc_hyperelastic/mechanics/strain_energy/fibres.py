@@ -343,14 +343,8 @@ class HolzapfelOgden(_FibreReinforced):
 
     A tube of a softer material:
 
-    >>> soft = {
-    ...     "a": 10.0,
-    ...     "b": 0.5,
-    ...     "a_fibre": 10.0,
-    ...     "b_fibre": 1.0,
-    ...     "a_cross": 5.0,
-    ...     "b_cross": 1.0,
-    ... }
+    >>> soft = {"a": 10.0, "b": 0.5, "a_fibre": 10.0, "b_fibre": 1.0}
+    >>> soft |= {"a_cross": 5.0, "b_cross": 1.0}
     >>> tube = ph.Tube(7.0, 9.0)
     >>> ph.inflation_pressure(ph.HolzapfelOgden(), [7.5, 8.5], tube, **soft).eval().round(3)
     array([1.091, 3.412])
