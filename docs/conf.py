@@ -249,7 +249,10 @@ STEPS = 20
 
 
 def spread_pages(app, env, pages) -> None:
-    """Spread pages over the parts that Sphinx reads in parallel: guides, which run code, adjoin."""
+    """Spread the guides, which run code, over all parts that Sphinx reads in parallel.
+
+    In the order of their names, one process would read most of them.
+    """
     pages[:] = [page for first in range(STEPS) for page in pages[first::STEPS]]
 
 

@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes.shapley import rivals_of
 from pymc_hyperelastic.data import extension, order
 from pymc_hyperelastic.data.files.join import joined
 from pymc_hyperelastic.design import information, trials
-from pymc_hyperelastic.design.planned_tests import PlannedTest, radii_of
+from pymc_hyperelastic.design.planned_tests import PlannedTube, radii_of
 from pymc_hyperelastic.evidence.convergence import disagreement
 from pymc_hyperelastic.evidence.weights import pareto_shape
 from pymc_hyperelastic.plots import fitted_curves, probability
@@ -84,7 +84,7 @@ def test_planned_radius_equal_to_the_unloaded_radius_gives_nan():
     kind = SimpleNamespace(scale=scale, **settings)
     for inner in np.linspace(5.0, 9.0, 40):
         tube = {"inner_radius": inner, "outer_radius": inner + 2, "opening_angle": 0.0}
-        test = PlannedTest("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, tube, "")
+        test = PlannedTube("radius", np.array([inner / 1.3**0.5]), np.array([1.3]), False, tube, "")
         assert np.isnan(radii_of(kind, [test], {"mu": np.array([[30.0]])})).all()
 
 

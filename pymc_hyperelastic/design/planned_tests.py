@@ -78,7 +78,7 @@ def _sd_of(name: str, given: float | None, datasets: list[xr.Dataset]) -> float:
     return float(np.median([part[f"{name}_sd"].values[0] for part in parts]))
 
 
-class PlannedTest(NamedTuple):
+class PlannedTube(NamedTuple):
     """A planned test of a tube: pressure or radius, and axial stretch, at each point."""
 
     control: str
@@ -153,9 +153,9 @@ class PlannedSheet(NamedTuple):
         return xr.Dataset(variables, _points(self.stretches["x"]) | measure)
 
     def radii(self, energy: Any, material: Arrays, deviations: Arrays) -> Array:
-        """Return 0, since a sheet has no radii, (specimen, point); NaN if it has no finite stress.
+        """Return 0 in place of radii, (specimen, point); NaN if it cannot bear the test.
 
-        The arguments are those of :meth:`PlannedTest.radii`.
+        The stretches of a sheet are known. The arguments are those of :meth:`PlannedTube.radii`.
         """
         entries = [np.asarray(entry)[:, None] for entry in energy.split(material)]
         shorter = np.exp(-self.gauge_length_sd * deviations.get("gauge_length", np.zeros(1)))
@@ -173,7 +173,7 @@ def _points(values: Array) -> dict[str, Any]:
     return {"test": ("obs", np.zeros(len(values), int))}
 
 
-Design = list[PlannedTest | PlannedSheet]
+Design = list[PlannedTube | PlannedSheet]
 
 
 def words_of(design: Design) -> str:
@@ -192,7 +192,7 @@ def as_design(name: str, given: Any, defaults: Defaults) -> Design:
     return [_as_test(f"design {name!r}", test, defaults) for test in tests]
 
 
-def _as_test(label: str, given: Any, defaults: Defaults) -> PlannedTest | PlannedSheet:
+def _as_test(label: str, given: Any, defaults: Defaults) -> PlannedTube | PlannedSheet:
     if not isinstance(given, Mapping):
         raise TypeError(
             f"{label}: a test is a dict such as {{'pressure': (10, 140), 'axial_stretch': 1.5}} or "
@@ -219,7 +219,7 @@ def _as_test(label: str, given: Any, defaults: Defaults) -> PlannedTest | Planne
     return (_as_sheet if of_sheet else _as_tube)(label, given, points, defaults)
 
 
-def _as_tube(label: str, given: Mapping[str, Any], points: int, defaults: Defaults) -> PlannedTest:
+def _as_tube(label: str, given: Mapping[str, Any], points: int, defaults: Defaults) -> PlannedTube:
     controls = [name for name in ("pressure", "radius") if name in given]
     if len(controls) != 1:
         raise ValueError(
@@ -262,7 +262,7 @@ def _as_tube(label: str, given: Mapping[str, Any], points: int, defaults: Defaul
     words += ", with force" * bool(force)
     tube = defaults.tube | _stated_tube(label, given.get("tube"))
     tube |= {f"{n}_sd": sd for n, sd in of_tubes(defaults.sds).items()}
-    return PlannedTest(control, held, stretch, bool(force), tube, words)
+    return PlannedTube(control, held, stretch, bool(force), tube, words)
 
 
 def _stated_tube(label: str, tube: Tube | None) -> dict[str, float]:

@@ -229,8 +229,8 @@ def build_model(
 ) -> pm.Model:
     """Return the model of :func:`inflation_model`, a part of `parent` or by itself.
 
-    The context is ignored. A `forward` model of these data may be given; the data are then some of
-    those that the settings are for.
+    The context is ignored. A `forward` model of these data may be given. The data are then a part
+    of a cohort, and may lack the tests of tubes, or of sheets, that others of the cohort have.
     """
     wall, distributions, unknown = complete_unknowns(energy, priors, parent)
     likelihood.check(wall, data, distributions, unknown, partial=forward is not None)
