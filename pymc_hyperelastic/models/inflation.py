@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 import pymc as pm
-import pytensor
 import pytensor.tensor as pt
 import xarray as xr
-from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.select import specimens_of
@@ -33,6 +31,7 @@ from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.priors import (
     PRIOR_DRAWS,
     belongs_to,
+    draws_of,
     register_priors,
 )
 from pymc_hyperelastic.models.study import Study, coords_of
@@ -265,7 +264,7 @@ def build_model(
             rises = pt.all(
                 forward.between().with_variables(parameters, *known).curves()["stiffness"] > 0
             )
-            share = _prior_probability(rises, model.free_RVs)
+            share = _prior_probability(rises)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     if parent is None:
         study = Study(energy, data, distributions, likelihood, unknown, rising, forward=forward)
@@ -344,14 +343,9 @@ def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: 
     return inflation_model(CriscioneType(), data, likelihood, **settings)
 
 
-def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:
+def _prior_probability(condition: TensorVariable) -> float:
     """Probability that a condition on random variables holds, from many draws."""
-    draws = pm.draw(variables, draws=PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
-    symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
-    holds = vectorize_graph(condition, symbols)
-    function = pytensor.function(list(symbols.values()), holds, mode="FAST_COMPILE")
-    with np.errstate(all="ignore"):
-        share = float(np.mean(function(*draws)))
+    share = float(np.mean(draws_of([condition], PRIOR_DRAWS)))
     if share < _LEAST_SHARE:
         raise ValueError(
             f"of {PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "

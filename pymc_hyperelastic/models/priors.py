@@ -18,7 +18,7 @@ from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.exceptions import NotConstantValueError
 from pymc.pytensorf import constant_fold
 from pytensor.graph.basic import Constant, Variable
-from pytensor.graph.replace import clone_replace
+from pytensor.graph.replace import clone_replace, vectorize_graph
 from pytensor.graph.traversal import ancestors
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
@@ -285,9 +285,23 @@ def priors_from_records(records: Any) -> dict[str, Tensor]:
     return {name: prior_from_record(record, name) for name, record in records.items()}
 
 
+def draws_of(expressions: Sequence[Tensor], draws: int) -> list[NDArray]:
+    """Return joint draws of random expressions, along the first axis of each.
+
+    PyMC draws the random variables one after the other; the expressions are then computed at once.
+    """
+    variables = [v for v in ancestors(expressions) if is_random(v)][::-1]
+    drawn = pm.draw(variables, draws=draws, random_seed=1, mode="FAST_COMPILE")
+    symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
+    inputs, outputs = [*symbols.values()], vectorize_graph(list(expressions), symbols)
+    function = pytensor.function(inputs, outputs, mode="FAST_COMPILE", on_unused_input="ignore")
+    with np.errstate(all="ignore"):
+        return function(*drawn)
+
+
 def positive_draws(name: str, prior: Tensor) -> NDArray[np.float64]:
     """Return draws from the prior of a quantity; ValueError unless all are positive."""
-    draws = pm.draw(prior, draws=PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    (draws,) = draws_of([prior], PRIOR_DRAWS)
     if not draws.min() > 0:  # also if draws are NaN
         raise ValueError(
             f"the prior of {name!r} has draws such as {draws.min():.3g}; expected a distribution "

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
-import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
 from pymc_hyperelastic.models.moduli import has_additive_stress
-from pymc_hyperelastic.models.priors import FEW_DRAWS
+from pymc_hyperelastic.models.priors import FEW_DRAWS, draws_of
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
@@ -108,8 +107,7 @@ def draws_of_prior(wall: WallVariables, tests: int) -> WallVariables:
     random, or cannot be drawn from.
     """
     wall, rng = wall.mapped(lambda value: value), np.random.default_rng(1)  # by entries of vectors
-    settings = {"draws": _DRAWS, "random_seed": 1, "mode": "FAST_COMPILE"}
-    draws = pm.draw(wall.unknown, **settings) if wall.unknown else []
+    draws = draws_of(wall.unknown, _DRAWS) if wall.unknown else []
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
     return wall.with_values(values, tests)
 
