@@ -25,6 +25,7 @@ from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import (
+    LARGEST_ERROR,
     LARGEST_PARETO_K,
     MOST_UNKNOWNS,
     Integral,
@@ -44,33 +45,21 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density, 
 
 Array = NDArray[np.float64]
 
-# Number of draws that represent a specimen in the first model of its class. The class density is
-# averaged over them; it is mostly far wider than the specimen's posterior.
-_FIRST_SIZE = 256
+# Numbers of draws that may represent a specimen in the model of its class. The class density is
+# averaged over them; it is mostly far wider than the specimen's posterior, and few are enough.
+SIZES = PARTICLES // np.array([8, 4, 2, 1])
 # The guide, a cheaper target whose gradients lead the particles, has fewer draws by this factor.
 # Its log density differs from that of the class by a fraction of a nat, so most moves are accepted.
 _GUIDE_FACTOR = 16
 # Fewest draws of a specimen in the guide.
 _FEWEST_GUIDE_DRAWS = 64
-# The following limits are standard errors, in nats, that the draws of all specimens cause in the
-# log evidence of a class. Below this one, specimens are not sampled again: the class density is
-# nearly the same at all their draws.
-_PRECISE = 0.03
-# Above this one, specimens are sampled a third time: the class distribution that was their prior
-# the second time was inaccurate, because the first draws were too few.
+# Standard error, in nats, above which specimens are sampled a third time: the class distribution
+# that was their prior the second time was inaccurate, because the first draws were too few.
 _INACCURATE = 0.3
-# The number of draws is increased until the error is below this one, which is small for a
-# comparison of evidences of classes.
-_ACCURATE = 0.1
-# Expected error, in nats, that decides by how much the number of draws is increased: half of
-# _ACCURATE, as the error is known only roughly.
-_EXPECTED_ERROR = _ACCURATE / 2
-# Largest number of fits with increasing numbers of draws.
-_MOST_FITS = 4
 # Number of particles of the fits before the final ones.
 _FIRST_PARTICLES = 500
 # Largest number of draws of the class distribution for estimates of the error, and for new priors.
-_DISTRIBUTIONS = 200
+DISTRIBUTIONS = 200
 # Number of prior draws to which the first proposal is fitted.
 _PRIOR_DRAWS = 2000
 # Number of draws of the proposal for each particle.
@@ -142,10 +131,10 @@ class ClassModel:
         kernel.draws = count
         return kernel
 
-    def variances(self, tree: xr.DataTree, draws: Specimens, size: int) -> dict[str, float]:
-        """Variance of the log evidence of a fitted class due to `size` draws of each specimen."""
-        distributions = distributions_of(tree, _DISTRIBUTIONS)
-        return {n: variance_of_specimen(d, distributions, size) for n, d in draws.items()}
+    def variances(self, tree: xr.DataTree, draws: Specimens) -> Array:
+        """Variance of the log evidence of a fitted class for each number of draws in `SIZES`."""
+        distributions = distributions_of(tree, DISTRIBUTIONS)
+        return np.sum([variance_of_specimen(d, distributions, SIZES) for d in draws.values()], 0)
 
 
 def draws_of_class(
@@ -168,14 +157,13 @@ def draws_of_class(
         If the draws of a specimen have an infinite error.
     """
     particles, current = None, dict(specimens)
-    for limit in (_PRECISE, _INACCURATE):
-        fit = _Fit(model, current, _FIRST_SIZE, _FIRST_PARTICLES, particles)
+    for limit in (LARGEST_ERROR, _INACCURATE):
+        fit = _Fit(model, current, int(SIZES[0]), _FIRST_PARTICLES, particles)
         tree = fit.chains(rng.spawn(1))
-        particles = fit.particles
-        variances = fit.variances(tree)
-        if sum(variances.values()) < limit**2:
+        particles, variances = fit.particles, model.variances(tree, current)
+        if variances[0] < limit**2:
             break
-        distributions = distributions_of(tree, _DISTRIBUTIONS)
+        distributions = distributions_of(tree, DISTRIBUTIONS)
         for name, part in specimens_apart(data).items():
             found = sampler.near(part, specimens[name], distributions, rng)
             # If this sample failed, an earlier successful one is kept.
@@ -189,7 +177,7 @@ def draws_of_class(
                 "specimen out, or give more informative priors"
             )
             warnings.warn(message, skip_file_prefixes=(PACKAGE,))
-    return ClassDraws(current, _larger(_FIRST_SIZE, sum(variances.values())), particles)
+    return ClassDraws(current, _enough(variances), particles)
 
 
 class _Fit:
@@ -216,10 +204,6 @@ class _Fit:
         """The class with fewer draws of each specimen, whose gradients are cheaper; or None."""
         size = max(self.size // _GUIDE_FACTOR, _FEWEST_GUIDE_DRAWS)
         return self._kernel(size, self.kernel.draws).target if size < self.size else None
-
-    def variances(self, tree: xr.DataTree) -> dict[str, float]:
-        """Variance of the log evidence due to the draws of each specimen."""
-        return self.model.variances(tree, self.draws, self.size)
 
     def chains(
         self,
@@ -352,24 +336,21 @@ def fit_enough(
     """
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
     specimens, size, particles = draws
-    for _ in range(_MOST_FITS):
+    while True:
         fit = _Fit(model, specimens, size, count, particles)
         tree = fit.chains(rngs, random_seed.entropy, advance)
-        advance = no_progress
-        variance, particles = sum(fit.variances(tree).values()), fit.particles
-        if size == PARTICLES or variance < _ACCURATE**2:
+        variances, particles = model.variances(tree, specimens), fit.particles
+        if (enough := _enough(variances)) <= size:
             break
-        size = _larger(size, variance)
-    error = float(np.sqrt(variance))
+        size, advance = enough, no_progress
+    error = float(np.sqrt(variances[np.searchsorted(SIZES, size)]))
     tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     return tree
 
 
-def _larger(size: int, variance: float) -> int:
-    """Double the number of draws of each specimen until the expected error is small.
-
-    The variance is inversely proportional to the number of draws.
-    """
-    while size < PARTICLES and variance > _EXPECTED_ERROR**2:
-        size, variance = min(2 * size, PARTICLES), variance / 2
-    return size
+@np.errstate(invalid="ignore")  # variances may be infinite
+def _enough(variances: Array) -> int:
+    """Return the number of draws of which the error would hardly be smaller with all draws."""
+    excess = variances - variances[-1]
+    enough = excess <= LARGEST_ERROR**2
+    return int(SIZES[enough.argmax()]) if enough.any() else PARTICLES

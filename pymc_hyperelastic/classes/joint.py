@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 from scipy import linalg
 
-from pymc_hyperelastic.classes.distribution import fit_enough, shared_draws
+from pymc_hyperelastic.classes.distribution import (
+    DISTRIBUTIONS,
+    SIZES,
+    ClassDraws,
+    fit_enough,
+    shared_draws,
+)
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_shares
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
@@ -37,12 +43,6 @@ from pymc_hyperelastic.models.specimen_draws import (
 
 Array = NDArray[np.float64]
 
-# Number of draws of each unit in the first fit, as for the specimens of a class; more are used if
-# the evidence needs them.
-_FIRST_DRAWS = 256
-# Number of posterior draws of the distributions from which the error of the evidence is estimated:
-# enough to decide how many draws of each unit are needed.
-_DISTRIBUTIONS = 200
 # Seed of the choice of a specimen's draws: fixed, so that every call returns the same draws.
 _SEED = 1
 
@@ -166,7 +166,7 @@ class Joint:
         seed: np.random.SeedSequence,
     ) -> xr.DataTree:
         """Return posterior and evidence for units, given by names of groups and of units."""
-        model, first = _JointModel(self), (_flat(units), _FIRST_DRAWS, None)
+        model, first = _JointModel(self), ClassDraws(_flat(units), int(SIZES[0]), None)
         return with_diagnosis(fit_enough(model, first, draws, chains, seed))
 
     def kernel(self, units: Mapping[str, Mapping[str, Unit]], count: int) -> BatchedSMC:
@@ -291,18 +291,16 @@ class _JointModel:
         kernel.draws = count
         return kernel
 
-    def variances(
-        self, tree: xr.DataTree, draws: Mapping[tuple[str, str], Unit], size: int
-    ) -> dict[tuple[str, str], float]:
-        """Return the variance of the log evidence due to the use of `size` draws of each unit."""
-        distributions = self._joint.distributions(tree, _DISTRIBUTIONS)
-        found = {}
+    def variances(self, tree: xr.DataTree, draws: Mapping[tuple[str, str], Unit]) -> Array:
+        """Return the variance of the log evidence for each number of draws in `SIZES`."""
+        distributions = self._joint.distributions(tree, DISTRIBUTIONS)
+        variances = np.zeros(len(SIZES))
         for key, unit in draws.items():
             terms = unit.log_weight
             for part, distribution in zip(unit.parts, distributions[key[0]], strict=True):
                 terms = terms + log_densities(part, distribution)
-            found[key] = variance_of_shares(terms, unit.standard_error, size)
-        return found
+            variances += variance_of_shares(terms, unit.standard_error, SIZES)
+        return variances
 
 
 def _flat(units: Mapping[str, Mapping[str, Unit]]) -> dict[tuple[str, str], Unit]:

@@ -52,30 +52,32 @@ def parts_of(population: Population) -> tuple[str, ...]:
 
 
 def variance_of_specimen(
-    draws: SpecimenDraws, distributions: ClassDistribution, count: int
-) -> float:
-    r"""Variance of a class's log evidence if `count` draws represent one of its specimens.
+    draws: SpecimenDraws, distributions: ClassDistribution, count: NDArray[np.intp]
+) -> Array:
+    r"""Variance of a class's log evidence if so many draws represent one of its specimens.
+
+    There is one variance for each number in `count`.
 
     The evidence is a mean over class distributions ``φ`` of products of sums over draws. To first
     order, a draw changes the log evidence by its share of the sum, averaged over ``φ``: the changes
     under different distributions may cancel.
 
-    The variance is estimated from all draws. An estimate from `count` draws would be too small if
-    the most important draws were missing.
+    The variance is estimated from all draws. An estimate from fewer draws would be too small if the
+    most important draws were missing.
     """
     log_shares = draws.log_weight + log_densities(draws, distributions)
     return variance_of_shares(log_shares, draws.standard_error, count)
 
 
-def variance_of_shares(log_shares: Array, standard_error: float, count: int) -> float:
+def variance_of_shares(log_shares: Array, standard_error: float, count: NDArray[np.intp]) -> Array:
     """Compute :func:`variance_of_specimen` from the log terms of the sum, (distribution, draw)."""
     if np.isinf(standard_error):
-        return np.inf
+        return np.full(count.shape, np.inf)
     log_shares = log_shares - logsumexp(log_shares, axis=1, keepdims=True)
     shares = np.exp(log_shares).mean(axis=0)
     total, common = len(shares), standard_error**2
     # The draws were resampled from weighted draws, whose variance enters both terms.
-    return float(common + (total * np.sum(shares**2) - 1) * (1 / count + common))
+    return common + (total * np.sum(shares**2) - 1) * (1 / count + common)
 
 
 class SpecimenEvidence(NamedTuple):

@@ -5,7 +5,13 @@ from scipy import stats
 from variable_classes import PRESSURE_SD, known_specimen
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.distribution import ClassDraws, ClassModel, _larger, fit_distribution
+from pymc_hyperelastic.classes.distribution import (
+    SIZES,
+    ClassDraws,
+    ClassModel,
+    _enough,
+    fit_distribution,
+)
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 
 SEED = 911
@@ -15,10 +21,13 @@ STANDARD_ERRORS = 3
 ENOUGH = 0.1
 
 
-def test_number_of_draws_doubles_until_the_expected_variance_is_small():
-    """The target is half of the largest allowed error: a variance of 0.05² nats²."""
-    variances = (0.05**2, 1.01 * 0.05**2, 4 * 0.05**2, 9.0)
-    assert [_larger(128, variance) for variance in variances] == [128, 256, 512, 2000]
+def test_draws_are_doubled_until_all_draws_would_hardly_reduce_the_error():
+    """The variance is a part that no number of draws reduces, and one in proportion to 1 / n."""
+    limit, less = 0.03**2, 1 / SIZES - 1 / SIZES[-1]
+    for k, size in enumerate(SIZES[:-1]):
+        assert _enough(1.0 + limit * less / less[k]) == size
+        assert _enough(1.0 + 1.01 * limit * less / less[k]) == 2 * size
+    assert _enough(np.full(len(SIZES), np.inf)) == SIZES[-1]
 
 
 def test_evidence_of_a_class_of_uncertain_specimens_equals_a_sum_over_a_grid():
@@ -27,7 +36,7 @@ def test_evidence_of_a_class_of_uncertain_specimens_equals_a_sum_over_a_grid():
     model = ClassModel(HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD))
     places, errors = np.log(0.2) + np.array([-0.5, 0.6]), np.array([1.0, 4.0])
     specimens = {f"{e}": known_specimen(rng, x, e) for x, e in zip(places, errors, strict=True)}
-    few, seed = ClassDraws(specimens, 128, None), np.random.SeedSequence(SEED)
+    few, seed = ClassDraws(specimens, int(SIZES[0]), None), np.random.SeedSequence(SEED)
     fitted = fit_distribution(model, few, 500, 1, seed)
     logs = np.log(0.4) + 0.7 * np.linspace(-5, 5, 201)
     terms = []

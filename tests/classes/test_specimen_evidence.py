@@ -98,7 +98,7 @@ def test_stated_variance_of_a_class_evidence_equals_the_spread_over_repetitions(
         values.append(logsumexp(by_class) - np.log(len(locations)))
         weights = np.exp(by_class - logsumexp(by_class))
         posterior = normal_classes(rng.choice(locations, size=50, p=weights), 0.7)
-        stated.append(np.sqrt(variance_of_specimen(draws, posterior, 128)))
+        stated.append(float(np.sqrt(variance_of_specimen(draws, posterior, np.array(128)))))
     truth = np.log(np.mean(stats.norm(locations, np.hypot(0.7, 1.0)).pdf(0.5)))
     assert_spread(values, stated, truth)
 
@@ -108,6 +108,6 @@ def test_errors_of_weights_add_to_the_variance():
     half = np.where(np.arange(100) < 50, 0.0, -np.inf)
     shares = np.where(np.arange(100) < 50, 0.015, 0.005)
     expected = 0.1**2 + (100 * np.sum(shares**2) - 1) * (1 / 20 + 0.1**2)
-    found = variance_of_shares(np.array([half, np.full(100, 3.0)]), 0.1, 20)
+    found = variance_of_shares(np.array([half, np.full(100, 3.0)]), 0.1, np.array(20))
     np.testing.assert_allclose(found, expected)
-    assert variance_of_shares(np.zeros((1, 100)), np.inf, 20) == np.inf
+    assert variance_of_shares(np.zeros((1, 100)), np.inf, np.array(20)) == np.inf

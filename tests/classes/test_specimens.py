@@ -93,8 +93,10 @@ def test_draws_near_a_narrow_class_make_its_evidence_precise():
     log_terms = density.logpdf(data["pressure"].values).sum(axis=1)
     log_terms += stats.norm(centre, width).logpdf(x) + np.log(x[1] - x[0])
     value = logsumexp(near.log_weight + log_densities(near, narrow))
-    error = np.sqrt(variance_of_specimen(near, narrow, PARTICLES))
-    assert error < PRECISE < ENOUGH < np.sqrt(variance_of_specimen(wide, narrow, PARTICLES))
+    error, before = (
+        np.sqrt(variance_of_specimen(draws, narrow, np.array(PARTICLES))) for draws in (near, wide)
+    )
+    assert error < PRECISE < ENOUGH < before
     assert abs(value - logsumexp(log_terms)) < STANDARD_ERRORS * error
     # A quarter of the draws are the old ones, so that the evidence of a wider class stays right.
     exact = variable_classes.log_evidence_of_specimen(data, -1.7, 0.3)
