@@ -345,7 +345,7 @@ def fit_cohort(
     )
     with LOCK:  # not around the batches: workers may be threads of this process
         wall, *unknown = work.stated()
-        work.likelihood.check(wall, data, *unknown)
+        work.likelihood.check(wall, data, *unknown, together=by == "specimen")
     remarks = run_in_batches(work, work.manifest(), data, store, progressbar=progressbar)
     warn_of(remarks, len(units_of(data, by)))
     found = open_result(store)

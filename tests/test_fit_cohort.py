@@ -238,7 +238,7 @@ def test_specimens_with_an_unknown_radius_are_fitted(tmp_path):
     inner = float(data["inner_radius"][0])
     data = data.assign(inner_radius=data["inner_radius"] * np.nan)
     priors = {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}
-    priors["mu"] = pm.Uniform.dist(1.0, 60.0)
+    priors["mu"] = pm.Uniform.dist(1.0, 200.0)
     ph.fit_cohort(ph.NeoHookean(), data, 5.0, serial(tmp_path / "store"), priors=priors, **QUIET)
     found = ph.open_result(tmp_path / "store")
     assert found["evidence"]["error"].values.tolist() == [""]

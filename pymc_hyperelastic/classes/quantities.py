@@ -18,7 +18,7 @@ from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
+from pymc_hyperelastic.models.settings import has_layers, inflation_data_of, named_layers
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -97,7 +97,10 @@ def unit_of(name: str, kind: HierarchicalClass) -> str | None:
         return None
     if bare != name or bare in kind.scale.names:
         return "1"
-    return unit_text(IN_RESULTS[bare].unit) if bare in PROPERTIES else ""
+    if bare in PROPERTIES:
+        return unit_text(IN_RESULTS[bare].unit)
+    units = [layer.units for layer in named_layers(kind.scale.wall)]
+    return next(of[parameter] for of in units if (parameter := bare.partition("[")[0]) in of)
 
 
 def is_logarithm(name: str, kind: HierarchicalClass) -> bool:

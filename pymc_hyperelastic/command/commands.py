@@ -32,6 +32,8 @@ from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.sheet_tests import plot_sheet_tests
 from pymc_hyperelastic.predictions.conditions import Conditions
+from pymc_hyperelastic.reports.comparison import is_of_tubes
+from pymc_hyperelastic.reports.page import frame_of, in_words
 from pymc_hyperelastic.reports.report import report as write_report
 
 app = typer.Typer(
@@ -297,10 +299,19 @@ def compare(
     )
     path = study / f"{COMPARISON}-{'paired' if pair else 'groups'}.nc"
     save_result(result, path)
-    numbers = [name for name in ("difference", "probability_of_direction") if name in result]
-    table = result[numbers].to_dataframe().reset_index()
-    typer.echo(table.to_string(index=False, float_format="{:.3g}".format))
-    typer.echo(f"\nAll of it is in {path}.")
+    dims = ["quantity", "statistic", "comparison"]
+    names = " ".join([*dims, "difference_interval", "unit", "probability_of_rise"])
+    table = frame_of(result, names, *dims)
+    words = table.apply(lambda column: column.map(partial(in_words, heading=column.name)))
+    typer.echo(words.to_string(index=False))
+    typer.echo(
+        "\nA typical specimen is the middle one of its group; mean and spread are the mean and the "
+        "standard deviation over all specimens of the group, measured or not."
+    )
+    if is_of_tubes(result):
+        at = f"{pressure}, with the pressure range {pressure_range}" if between else pressure
+        typer.echo(f"Properties of the tube are those at {at}.")
+    typer.echo(f"All results of the comparison are in {path}.")
 
 
 @app.command()

@@ -1,5 +1,6 @@
 """Parts of data: some tests, by label or by position."""
 
+import warnings
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from typing import Any
 
@@ -20,7 +21,7 @@ from pymc_hyperelastic.data.variables import (
     STRESS_MEASURE,
     sheet_tests,
 )
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.messages import PACKAGE, shown
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 
 
@@ -164,6 +165,22 @@ def specimens_apart(
 def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Dataset:
     """Tests of all other specimens."""
     return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
+
+
+def warn_of_phases(data: xr.Dataset) -> None:
+    """Warn if several phases of a specimen, such as loading and unloading, are fitted together."""
+    if "phase" not in data.coords:
+        return
+    for name, tests in units_of(data, "specimen").items():
+        phases = [*dict.fromkeys(data["phase"].values[tests].tolist())]
+        if len(phases) > 1:
+            warnings.warn(
+                f"specimen {shown(name)} has the phases {listed(phases)}, which are used together "
+                "as tests of one material; a hyperelastic material has the same curve in all "
+                f"phases: choose one, ph.select(data, phase={shown(phases[0])})",
+                skip_file_prefixes=(PACKAGE,),
+            )
+            return
 
 
 def _inventory(data: xr.Dataset) -> str:

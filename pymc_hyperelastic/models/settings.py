@@ -53,6 +53,12 @@ class NamedLayer(NamedTuple):
     values: dict[str, Any]
     """Names of variables, or numbers, of the parameters, and of the thickness of a layer."""
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the variables, by name."""
+        units = {p.name: p.unit for p in self.energy.parameters} | {"thickness": "mm"}
+        return {v: units[name] for name, v in self.values.items() if isinstance(v, str)}
+
 
 @dataclass(frozen=True)
 class LayerSettings:
@@ -195,8 +201,7 @@ class ModelSettings:
         """Return the record as an attribute of a result, and others that users and plots read."""
         units: dict[str, str] = {}
         for layer in map(LayerSettings.named, self.layers):
-            of_layer = {p.name: p.unit for p in layer.energy.parameters} | {"thickness": "mm"}
-            units |= {v: of_layer[name] for name, v in layer.values.items() if isinstance(v, str)}
+            units |= layer.units
         attrs = {SETTINGS: json.dumps({"format": _FORMAT} | asdict(self))}
         if not self.layered:
             attrs["strain_energy"] = self.laws[0]

@@ -70,7 +70,7 @@ def show_comparison(result: xr.Dataset, page: Page) -> None:
         result,
         note=f"Median and {100 * prob:.3g} % interval of the posterior.",
     )
-    if (tube := read_json(result, "tube", {})) and _is_of_tubes(result):
+    if (tube := read_json(result, "tube", {})) and is_of_tubes(result):
         page.text(f"All materials are compared in one tube: {tube_in_words(tube)}.")
     page.findings += [
         _finding(result.sel(comparison=name)) for name in result["comparison"].values.tolist()
@@ -196,7 +196,7 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
     names = result["quantity"].values.tolist()
     words = [quantity_in_words(name) for name in names]
     count = int(result.attrs.get("compared", len(names)))
-    at, tube = "", ", all in one tube" if _is_of_tubes(result) else ""
+    at, tube = "", ", all in one tube" if is_of_tubes(result) else ""
     if tube and "pressure" in result.coords:
         pressures, unit = np.atleast_1d(result["pressure"].values), result.attrs["pressure_unit"]
         if len(pressures) > 1:
@@ -219,7 +219,7 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
         )
 
 
-def _is_of_tubes(result: xr.Dataset) -> bool:
+def is_of_tubes(result: xr.Dataset) -> bool:
     """Return True if a compared quantity is a property of a tube, not of the material alone."""
     names = result["quantity"].values.tolist()
     return any(name.removeprefix("log ") in PROPERTIES for name in names)

@@ -46,6 +46,17 @@ def test_experiments_share_one_material_if_classified_by_specimen(classes):
     assert_exact(by_specimen[{"specimen": [0]}], [curves[::2]])
 
 
+def test_phases_are_doubted_if_they_are_classified_as_one_specimen(classes):
+    """The numbers are those of the same tests without a phase."""
+    data = ph.select(new_data(), specimen="B")
+    phases = [f"phase {i}" for i in range(data.sizes["test"])]
+    with_phases = data.assign_coords(phase=("test", phases))
+    with pytest.warns(UserWarning, match="specimen 'B' has the phases 'phase 0', 'phase 1'"):
+        found = classify(with_phases, classes, by="specimen")
+    xr.testing.assert_equal(found["decision"], classify(data, classes, by="specimen")["decision"])
+    classify(with_phases, classes)
+
+
 def test_evidence_by_each_sampling_method_equals_quadrature(classes, monkeypatch):
     """A short experiment near the first class has no useful draws from the second class."""
     one = ph.select(fits.training()["C1"], specimen="S1", experiment=1)

@@ -102,7 +102,7 @@ def test_typical_specimen_mean_and_spread_equal_quadrature(result, distributions
         np.testing.assert_allclose(own.sel(statistic="typical"), location, rtol=ROUNDING)
         np.testing.assert_allclose(own.sel(statistic="spread"), spread, rtol=ROUNDING)
     assert float(result["lacking"].max()) == 0
-    assert result["unit"].values.tolist() == ["1", ""]
+    assert result["unit"].values.tolist() == ["1", "kPa"]
 
 
 def test_statistics_of_a_difference_are_computed_from_the_draws(result, distributions):

@@ -1,6 +1,7 @@
 """The command line: from tables to a report, and one message for each mistake."""
 
 import errno
+import re
 import runpy
 import shutil
 import sys
@@ -131,6 +132,7 @@ def test_compare_command_stores_and_reports_differences_of_groups(run, table, tm
     between = ["--pressure-range", "80-120 mmHg", "--quantity", "stored_energy_change"]
     printed = run("compare", "--out", study, *between, "--quantity", "log compliance")
     assert "log compliance" in printed
+    assert "those at 100 mmHg, with the pressure range 80-120 mmHg." in printed
     found = ph.open_result(study / "comparison-groups.nc")
     assert found["pressure"].item() == pytest.approx(100 * ph.mmHg)
     run("report", study)
@@ -161,10 +163,18 @@ def test_compare_command_compares_parameters_of_sheets(run, tmp_path):
     pd.concat(rows).to_csv(table, index=False)
     fit = ["--law", "NeoHookean", "--stress-sd", "0.2 kPa", "--draws", "500", "--chains", "1"]
     run("fit", table, *fit, "--quiet", "--out", study)
-    assert "stiff − soft" in run("compare", "--out", study)
+    printed = run("compare", "--out", study)
     found = ph.open_result(study / "comparison-groups.nc")
     assert found["quantity"].values.tolist() == ["mu"]
-    difference = found["difference"].sel(statistic="typical").squeeze().item()
+    typical = found.sel(statistic="typical").squeeze()
+    difference, (low, high) = typical["difference"].item(), typical["difference_interval"].values
+    first = next(line for line in printed.splitlines() if "typical" in line)
+    *shown, probability = [float(number) for number in re.findall(r"[\d.]+", first)]
+    rounding = 0.05 * (high - low)
+    np.testing.assert_allclose(shown, [difference, low, high], rtol=0, atol=rounding)
+    rises = typical["probability_of_rise"].item()
+    assert probability == pytest.approx(rises, abs=2e-3)  # 1 is printed as >0.999
+    assert "kPa" in first and "pressure" not in printed
     assert difference == pytest.approx(60 - 15, abs=20)
     run("report", study)
     page = (study / "report.html").read_text(encoding="utf-8")

@@ -134,3 +134,21 @@ def test_posterior_that_ends_before_a_prior_limit_passes_the_check():
     tree = beside_limit(1.995, 0.0008)
     assert (tree["evidence"]["at_limit"] == 0).all()
     assert tree["diagnosis"].attrs["verdict"] == "good"
+
+
+@pytest.mark.parametrize(
+    ("place", "sd", "verdict"),
+    [
+        (2.3, 0.1, "doubtful"),  # 99.9 % of the likelihood is beyond the limit
+        (2.1, 0.1, "doubtful"),  # 84 %
+        (2.0, 0.03, "doubtful"),  # half
+        (1.7, 0.1, "good"),  # 0.1 %
+        (1.99, 0.005, "good"),  # 2 %
+        (1.5, 0.1, "good"),
+        (1.5, 100.0, "good"),  # data that do not determine the number
+    ],
+)
+@pytest.mark.filterwarnings("ignore:the fit is doubtful")
+def test_verdict_is_doubtful_if_a_limit_cuts_off_much_of_the_likelihood(place, sd, verdict):
+    found = ph.diagnose_evidence(beside_limit(place, sd)).sel(check="limits")
+    assert found["verdict"] == verdict

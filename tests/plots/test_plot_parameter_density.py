@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import xarray as xr
 from figures import SEED, hierarchical_class, legend_texts
 
 import pymc_hyperelastic as ph
@@ -38,6 +39,20 @@ def test_regions_of_both_modes_contain_their_probability(classes):
                 assert abs(share - prob) < SHARE_TOLERANCE
             # A bandwidth of the whole sample would be twenty times as wide as a mode.
             assert height_of(areas[0]) < 6 * alpha[mode].std()
+
+
+def test_regions_of_a_narrow_bent_ridge_contain_their_probability(classes):
+    """A product of two parameters is known to 5 %; each of them is known to a factor of 2."""
+    along, across = np.random.default_rng(1).standard_normal((2, 2, 1000))
+    mu = np.exp(0.8 * along)
+    alpha = 3 / mu * np.exp(0.05 * across)
+    tree = classes["C1"].copy(deep=True)
+    dims = "chain", "draw"
+    tree["posterior"] = xr.Dataset({"mu": (dims, mu), "alpha": (dims, alpha)})
+    figure = ph.plot_parameter_density(tree, ci_probs=[0.5, 0.95])
+    areas = figure.viz["area"]["log_density"].values.ravel()
+    for area, prob in zip(areas, (0.95, 0.5), strict=True):
+        assert abs(contains(area, mu.ravel(), alpha.ravel()).mean() - prob) < 0.05
 
 
 def test_axis_is_broken_only_between_mirrored_modes(classes):

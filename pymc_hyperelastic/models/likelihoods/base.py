@@ -13,6 +13,7 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_data
+from pymc_hyperelastic.data.select import warn_of_phases
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.stored import is_number
@@ -167,11 +168,13 @@ class Likelihood:
         geometry: Mapping[str, Any] | None = None,
         *,
         partial: bool = False,
+        together: bool = True,
     ) -> None:
         """Raise unless the data have all that the likelihood of such a tube needs.
 
         With `partial`, all tests may be of tubes, or of sheets, where the likelihood states errors
-        of both: the data are those of some specimens.
+        of both: the data are those of some specimens. If tests of a specimen are used `together`,
+        warn if they are of several phases.
         """
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
@@ -180,6 +183,8 @@ class Likelihood:
         _check_errors_of(self, tubes, sheets)
         if not partial:
             _check_all_used(self, tubes, sheets, geometry)
+            if together:
+                warn_of_phases(data)
         if tubes is not None:
             self._check_tubes(wall, tubes, of_tubes(geometry))
 
