@@ -17,6 +17,9 @@ _STEPS = 10
 # Longest step of Newton's method, relative to the radius: none leaps over a maximum of the pressure
 # and the minimum beyond it.
 LONGEST_STEP = 0.1
+# Step of Newton's method, relative to a radius or a stretch, with which a solution counts as found:
+# Newton's method squares its error, so that the next step is below rounding.
+SMALLEST_STEP = 1e-8
 
 
 class PressureIntegral(WallIntegral):

@@ -31,9 +31,8 @@ Materials = Sequence[Array]
 
 # Quadrature nodes in the walls of a group among which nodes are selected: ten for each of these.
 _CANDIDATES = 4000
-# Quadrature nodes in the walls of all groups at which materials are compared: three for each
-# independent response of any law.
-_COMPARED = 1000
+# Places at which materials are compared: three for each independent response of any law.
+COMPARED = 1000
 # Fewest nodes of one wall among these: more walls show more of a response than more nodes of each.
 _FEWEST_OF_A_WALL = 4
 
@@ -58,7 +57,7 @@ class SelectedNodes:
 
     def with_materials(self, tubes: KnownTubes, materials: Materials) -> "SelectedNodes":
         """Return nodes for these materials, too: their independent responses become snapshots."""
-        return self.with_materials_at(self._quadrature_nodes(tubes, _COMPARED), materials)
+        return self.with_materials_at(self._quadrature_nodes(tubes, COMPARED), materials)
 
     @np.errstate(all="ignore")  # some of the materials may be impossible
     def with_materials_at(

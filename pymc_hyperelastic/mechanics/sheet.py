@@ -9,6 +9,7 @@ from pytensor import scan
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
+from pymc_hyperelastic.mechanics.integrals import SMALLEST_STEP
 from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry, double
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     IsotropicStrainEnergy,
@@ -24,8 +25,6 @@ _STEPS = 16
 # Longest step of the logarithm of a stretch: the first sheet whose stress has the other sign is
 # then near the solution.
 _LONGEST_STEP = 0.5
-# Largest last step of the logarithm of a stretch: the next one would be smaller than rounding.
-_LARGEST_LAST_STEP = 1e-8
 
 
 class SheetStress(NamedTuple):
@@ -283,7 +282,7 @@ def _log_free_stretch(energy: StrainEnergy, log_stretch: Any, entries: Any, alon
         return -log_stretch / 2
     op = LogFreeStretch(strain_energy=energy, along=along)
     lateral, last_step = op(log_stretch, *entries)
-    return pt.where(last_step < _LARGEST_LAST_STEP, lateral, np.nan)
+    return pt.where(last_step < SMALLEST_STEP, lateral, np.nan)
 
 
 def _log(stretch: Any) -> Any:

@@ -14,11 +14,16 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
-from pymc_hyperelastic.mechanics.integrals import RadiusAtPressure, wall_force, wall_pressure
+from pymc_hyperelastic.mechanics.integrals import (
+    SMALLEST_STEP,
+    RadiusAtPressure,
+    wall_force,
+    wall_pressure,
+)
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.wall import OVERFLOW, WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
-from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
+from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
     Arrays,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.integrals import (
     LONGEST_STEP,
+    SMALLEST_STEP,
     wall_force,
     wall_material,
     wall_pressure,
@@ -27,9 +28,6 @@ Array = NDArray[np.float64]
 
 # Logarithm of the ratio of the radii between which a pressure is looked for.
 _FARTHEST = np.log(20.0)
-# Step of Newton's method, relative to the radius, with which a radius counts as found: Newton's
-# method squares its error, so that the next step is below rounding.
-SMALLEST_STEP = 1e-9
 
 
 class Circles(NamedTuple):

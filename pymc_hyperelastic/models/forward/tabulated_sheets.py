@@ -15,7 +15,7 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.variables import nominal_points
 from pymc_hyperelastic.mechanics.interpolation import evenly
-from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
+from pymc_hyperelastic.mechanics.selected_nodes import COMPARED, SelectedNodes
 from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy, StrainEnergy
 from pymc_hyperelastic.mechanics.wall import response
 from pymc_hyperelastic.models.forward.choose import BEYOND, FINER, draws_of_prior
@@ -26,8 +26,6 @@ from pymc_hyperelastic.quantities import STRESSES
 
 # Points from which on nodes are selected: the stresses of fewer take less time than the selection.
 _MANY_POINTS = 200
-# Points among which nodes are selected, and at which materials are compared.
-_CANDIDATES = 1000
 
 
 class TabulatedSheets:
@@ -80,7 +78,7 @@ class TabulatedSheets:
         """Return the largest error of the stresses of each material, relative to the largest."""
         log_x, log_y = known_stretches(self.energy, data)
         nodes = self._nodes(log_x, log_y)
-        some = evenly(len(log_x), _CANDIDATES)
+        some = evenly(len(log_x), COMPARED)
         weights, _ = nodes.weights(log_x[some], log_y[some])
         exact = _stresses(self.energy, (log_x[some], log_y[some]), materials)
         found = _stresses(self.energy, nodes.places, materials) @ weights
@@ -89,7 +87,7 @@ class TabulatedSheets:
         return np.where(np.isnan(error), np.inf, error)
 
     def _nodes(self, log_x: Array, log_y: Array) -> Any:
-        some = evenly(len(log_x), _CANDIDATES)
+        some = evenly(len(log_x), COMPARED)
         in_order = np.argsort(log_x, kind="stable")[some]
         return self.basis.interpolation_at(log_x[in_order], log_y[in_order])
 
@@ -117,7 +115,7 @@ def tabulated_sheets(
         walls = draws_of_prior(WallVariables(energy, dict(parameters), {}), data.sizes["test"])
     except (MissingInputError, NotImplementedError):  # the range of the prior is not known
         return None
-    some = evenly(len(log_x), _CANDIDATES)
+    some = evenly(len(log_x), COMPARED)
     places = log_x[some], log_y[some]
     largest = np.abs(_stresses(energy, places, walls.materials)).max(axis=(0, 2))
     measured = max(float(np.nanmax(np.abs(data[n].values), initial=0.0)) for n in STRESSES)
