@@ -18,7 +18,7 @@ from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.proposal import laplace_mixture
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target, width_of
-from pymc_hyperelastic.evidence.tempering import HASTY, MOST_CAPPED, Settings, TemperedSMC
+from pymc_hyperelastic.evidence.tempering import HASTY, TemperedSMC
 
 # Particles of a bridge.
 _PARTICLES = 256
@@ -64,7 +64,7 @@ def _by_tempering(target: Target, size: int, rng: np.random.Generator, quick: Es
     reference = find_reference(target, rng, checked=False).reference
     particles = reference.draw(target.draw_prior, size, rng)
     path = GeometricPath(target, reference)
-    smc = TemperedSMC(path, particles, rng, Settings(most_capped=MOST_CAPPED)).run()
+    smc = TemperedSMC(path, particles, rng).run()
     # Particles that do not move miss mass, and do not show that they do.
     error = np.inf if smc.capped > smc.stages / 2 else float(np.sqrt(smc.variance))
     if np.isfinite(quick.standard_error):

@@ -12,7 +12,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target, check_possible
-from pymc_hyperelastic.evidence.tempering import MOST_CAPPED, Settings, TemperedSMC
+from pymc_hyperelastic.evidence.tempering import Settings, TemperedSMC
 
 # Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
@@ -150,7 +150,7 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.draws, self.start = draws, start
-        self.settings = Settings(threshold, forget, max_moves, MOST_CAPPED)
+        self.settings = Settings(threshold, forget, max_moves)
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()

@@ -60,9 +60,6 @@ _FEW_UNKNOWNS = 4
 # Logarithms of the smallest and the largest positive number.
 _LOG_SMALLEST = np.log(np.finfo(float).smallest_subnormal)
 _LOG_LARGEST = np.log(np.finfo(float).max)
-# Step of differences of a log density, in widths of a variable: about the square root of its
-# rounding error.
-_STEP = 1e-4
 # Step of differences of gradients, which may be differences themselves.
 _CURVATURE_STEP = 0.03
 
@@ -266,13 +263,13 @@ def with_curvature(derivatives: LogDensityGradient) -> LogDensityGradient:
 
 
 def finite_differences(
-    points: Array, width: Array, step: float = _STEP
+    points: Array, width: Array, step: float = 1e-4
 ) -> tuple[Array, Callable[[Array], Array]]:
     """Return the stencil of forward differences, and a function that takes the differences.
 
-    The stencil, (n, d + 1, d), holds each point and its neighbours, `step` widths away. The
-    function takes values whose first two axes are those of the stencil, and returns derivatives
-    along the second axis.
+    The stencil, (n, d + 1, d), holds each point and its neighbours, `step` widths away: by default
+    about the square root of the rounding error of a log density. The function takes values whose
+    first two axes are those of the stencil, and returns derivatives along the second axis.
     """
     steps = np.broadcast_to(step * width, points.shape)
     beside = steps[:, None] * np.eye(points.shape[1])

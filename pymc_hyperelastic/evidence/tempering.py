@@ -16,9 +16,6 @@ from pymc_hyperelastic.evidence.weights import (
     systematic,
 )
 
-# Stages at which particles have not forgotten their places, before a chain goes on in haste:
-# posteriors that come out right have had six at most.
-MOST_CAPPED = 6
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
 
@@ -33,12 +30,13 @@ class Settings:
     """Correlation of a variable with its value before below which particles have forgotten it."""
     max_moves: int = 50
     """Moves of a stage, at most."""
-    most_capped: float = np.inf
-    """Stages whose particles have not forgotten their places; then they move once a stage."""
+    most_capped: float = 6
+    """Stages whose particles have not forgotten their places; then they move once a stage.
+    Posteriors that come out right have had six such stages at most."""
 
 
 # For particles that need not be exact, but lead to others.
-HASTY = Settings(max_moves=10)
+HASTY = Settings(max_moves=10, most_capped=np.inf)
 
 
 class TemperedSMC:

@@ -16,9 +16,6 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 
-# Measures of a tube that does not state them.
-_DEFAULTS = {"axial_stretch": 1.0, "opening_angle": 0.0}
-
 
 def inflation_pressure(
     energy: StrainEnergy | Sequence[Layer],
@@ -162,7 +159,8 @@ def _curves(
     stated = {name: getattr(tube, name) for name in (*GEOMETRY, *WALL)}
     check_geometry(internal_radius=internal_radius, **stated)
     numbers = {name: double(value) for name, value in stated.items()}
-    geometry = _DEFAULTS | replace(tube, **numbers).geometry()
+    # By default the tube has its unloaded length, and a cut ring stays closed.
+    geometry = {"axial_stretch": 1.0, "opening_angle": 0.0} | replace(tube, **numbers).geometry()
     check_geometry(**geometry)
     if "inner_radius" not in geometry:
         raise TypeError(f"{tube} has no inner_radius: the reference inner radius of the tube, mm")

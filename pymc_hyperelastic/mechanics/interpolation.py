@@ -23,9 +23,6 @@ from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, response, wal
 Array = NDArray[np.float64]
 Points = NDArray[np.intp]
 
-# Chebyshev coefficients of the response below this fraction of the largest are left out. The
-# pressure is then exact to about 1e-12 of its largest value, and rounding errors do not count.
-COEFFICIENT_TOLERANCE = 1e-14
 # Logarithmic strain below which no test can distinguish stretches: the smallest half width of a
 # range of ln λθ. No law overflows at this strain.
 SMALL_STRAIN = 1e-3
@@ -137,13 +134,14 @@ def nodes_needed(
     materials: Sequence[Array],
     *,
     with_force: bool = False,
-    tolerance: float = COEFFICIENT_TOLERANCE,
+    tolerance: float = 1e-14,
 ) -> int | None:
     """Return how many Chebyshev nodes the responses need, or None if they are more than 64.
 
     Quadrature of the walls is about as fast as 64 nodes, twice its own number. Needed are all
     coefficients up to the last one that exceeds the `tolerance`, relative to the largest, for any
-    of the `materials`: one array for each entry of the parameters.
+    of the `materials`: one array for each entry of the parameters. With the default tolerance the
+    pressure is exact to about 1e-12 of its largest value, and rounding errors do not count.
     """
     kinds = (False, True) if with_force else (False,)
     columns = [values.reshape(-1, 1) for values in materials]

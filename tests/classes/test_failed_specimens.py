@@ -1,6 +1,7 @@
 """Specimens that cannot be sampled, or are given up after long, and their classes."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pymc_hyperelastic.classes import specimens
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.evidence import integral
 from pymc_hyperelastic.evidence.importance import Integral
+from pymc_hyperelastic.evidence.tempering import Settings, TemperedSMC
 
 GIVEN_UP = "B2"
 STANDARD_ERRORS = 3
@@ -43,7 +45,8 @@ def give_up(take):
         return sampled
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(integral, "MOST_CAPPED", 0)
+        hasty = Settings(most_capped=0)
+        patch.setattr(integral, "TemperedSMC", partial(TemperedSMC, settings=hasty))
         for module in (integral, specimens):
             patch.setattr(module, "importance_sampling", unknown(module.importance_sampling))
         return take()
