@@ -83,15 +83,22 @@ def collocate(
             rows = np.column_stack([of_group[: len(group.points)], target[group.points]])
             if name == "slope":
                 rows[:, :-1] *= tubes.growth[group.points, None]
-            rows = rows[~np.isnan(rows[:, -1])]
-            if len(rows) > count:
-                rows = np.linalg.qr(rows, mode="r")
-                residual += float(rows[count, -1] ** 2)
-            block[: len(rows)] = rows[:count]
+            rows, rest = compressed_rows(rows[~np.isnan(rows[:, -1])])
+            residual += rest
+            block[: len(rows)] = rows
         found[f"{name}_matrix"] = compressed[..., :-1]
         found[f"{name}_target"] = compressed[..., -1]
         found[f"{name}_residual"] = np.array(residual)
     return found
+
+
+def compressed_rows(rows: Array) -> tuple[Array, float]:
+    """Return ``[R c]`` and ``ρ²`` of the rows ``[M y]``, see :func:`collocate`; few rows stay."""
+    count = rows.shape[1] - 1
+    if len(rows) <= count:
+        return rows, 0.0
+    rows = np.linalg.qr(rows, mode="r")
+    return rows[:count], float(rows[count, -1] ** 2)
 
 
 def curve_matrices(

@@ -12,8 +12,6 @@ from pymc_hyperelastic.mechanics.layers import LayeredTube
 from pymc_hyperelastic.mechanics.strain_energy.base import elementwise_derivative
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER, TubeOp, WallIntegral, response
 
-# Steps of Newton's method: with the longest steps, they reach twice the first radius and converge.
-_STEPS = 10
 # Longest step of Newton's method, relative to the radius: none leaps over a maximum of the pressure
 # and the minimum beyond it.
 LONGEST_STEP = 0.1
@@ -198,7 +196,8 @@ class RadiusAtPressure(TubeOp):
         """Take all steps of Newton's method."""
         pressure, radius, *rest = inputs
         tube = LayeredTube.of_inputs(self.strain_energies, rest)
-        for _ in range(_STEPS):
+        # The longest steps reach twice the first radius; fewer are needed to converge.
+        for _ in range(round(1 / LONGEST_STEP)):
             here, stiffness = wall_pressure(tube, radius, self.order)
             step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
             radius = radius * (1 + pt.clip(step, -LONGEST_STEP, LONGEST_STEP))

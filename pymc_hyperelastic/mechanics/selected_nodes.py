@@ -29,12 +29,12 @@ from pymc_hyperelastic.mechanics.wall import OVERFLOW
 # Materials: one array (material) for each entry of the parameters, in the order of the law.
 Materials = Sequence[Array]
 
-# Quadrature nodes in the walls of a group among which nodes are selected: ten for each of these.
-_CANDIDATES = 4000
 # Places at which materials are compared: three for each independent response of any law.
 COMPARED = 1000
 # Fewest nodes of one wall among these: more walls show more of a response than more nodes of each.
 _FEWEST_OF_A_WALL = 4
+# Quadrature nodes among which nodes of a group are selected: as many walls as there are places.
+_CANDIDATES = _FEWEST_OF_A_WALL * COMPARED
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.variables import nominal_points
+from pymc_hyperelastic.mechanics.collocation import compressed_rows
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.selected_nodes import COMPARED, SelectedNodes
 from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy, StrainEnergy
@@ -51,12 +52,7 @@ class TabulatedSheets:
             there = np.isfinite(target)
             rows = block[there] * factor[there, None]
             parts.append(np.column_stack([rows, target[there]]))
-        rows = np.concatenate(parts)
-        count, residual = rows.shape[1] - 1, 0.0
-        if len(rows) > count:
-            rows = np.linalg.qr(rows, mode="r")
-            residual = float(rows[count, -1] ** 2)
-            rows = rows[:count]
+        rows, residual = compressed_rows(np.concatenate(parts))
         return {
             "log_x": nodes.places[0],
             "log_y": nodes.places[1],
