@@ -41,7 +41,7 @@ def test_sheets_of_a_workbook_are_read_as_tables_with_line_numbers(tmp_path):
 
 def test_sheet_of_notes_is_refused_with_what_to_do(tmp_path):
     path = workbook(tmp_path / "a.xlsx", points=POINTS[1:], tubes=TUBES, notes=[["by hand"]])
-    with pytest.raises(ValueError, match="sheet 'notes' ends with .* leave it out"):
+    with pytest.raises(ValueError, match=r"sheet 'notes' ends with .* leave it out"):
         ph.read_tests(path)
 
 
