@@ -55,7 +55,7 @@ def two_tubes() -> xr.Dataset:
     """Two specimens of different inner radius."""
     frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
     frame["radius"] = [7.2, 7.6, 8.0] * 2
-    frame["pressure"] = [2.0, 4.0, 7.0] * 2
+    frame["pressure"] = [2.1, 4.1, 7.1, 1.9, 3.9, 6.9]
     frame["A"] = [7.0] * 3 + [6.5] * 3
     return ph.inflation_data(frame, ph.Tube(inner_radius="A", outer_radius=9.0))
 

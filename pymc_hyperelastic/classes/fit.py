@@ -12,6 +12,7 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.interface import Groups
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_settings
+from pymc_hyperelastic.classes.training import warn_of_copies
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.keeping import remembering, seed_kept
@@ -101,6 +102,7 @@ def fit_classes(
     UserWarning
         If an evidence is doubtful, if a specimen was given up because its sampling did not converge
         or its curves are inaccurate, or if a class cannot be fitted. The other classes are fitted.
+        If two specimens have the same measurements, as if one had been copied.
 
     See Also
     --------
@@ -164,6 +166,7 @@ def fit_classes(
             raise ValueError(message) from failed[name]
         # Keep the classes that were fitted.
         warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+    warn_of_copies({name: groups[name] for name in tree.children})
     tree.attrs |= kind.settings().attrs() | {"random_seed": json.dumps(seed.entropy)}
     if missing:
         tree.attrs[MISSING] = json.dumps(missing)

@@ -1,6 +1,7 @@
-"""Check that new data, and data that are left out, are not in the training data of a class.
+"""Find measurements that are in the training data of a class twice, or again in other data.
 
-Classification and cross-validation call the checks: a class always fits its own training data.
+Fits warn of copies among the training data. Classification and cross-validation refuse new data,
+and data that are left out, that are in the training data: a class always fits its own data.
 """
 
 import warnings
@@ -15,6 +16,8 @@ from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
 
+# Points of a test that another specimen has, too; fewer may agree by chance.
+_FEWEST_COPIED = 3
 # Rounded radius and pressure, by which points are compared.
 Point = tuple[float, ...]
 # Data, and the index of a test, that hold a point: by the point, and by a label of the holder.
@@ -68,14 +71,35 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
         )
 
 
+def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
+    """Warn of the first test whose points are also those of a specimen with another name.
+
+    Warns
+    -----
+    UserWarning
+        If there is such a test, of at least three points.
+    """
+    held = _held_by_specimens(groups)
+    for data in groups.values():
+        sizes = np.bincount(data["test"].values, minlength=data.sizes["test"])
+        for test, copies in _copies(data, held):
+            others = {*copies} - {data["specimen"].values[test]}
+            if others and sizes[test] >= _FEWEST_COPIED:
+                warnings.warn(
+                    f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
+                    f"specimen {min(others, key=str)!r} as well, and would count twice: if one "
+                    "was copied by mistake, remove it",
+                    skip_file_prefixes=(PACKAGE,),
+                )
+                return
+
+
 def check_left_out(groups: Mapping[str, xr.Dataset], units: Mapping[str, Hashable]) -> None:
     """Raise if a test of a specimen is also in the data of a specimen of another unit.
 
     `units` gives the unit of each specimen; the specimens of a unit are left out together.
     """
-    held: Held = {}
-    for data in groups.values():
-        _add_points(held, data, data["specimen"].values.tolist())
+    held = _held_by_specimens(groups)
     for data in groups.values():
         for test, copies in _copies(data, held):
             unit = units[data["specimen"].values[test]]
@@ -87,6 +111,14 @@ def check_left_out(groups: Mapping[str, xr.Dataset], units: Mapping[str, Hashabl
                     "are left out: drop one of the specimens, or leave both out together with "
                     "leave_out"
                 )
+
+
+def _held_by_specimens(groups: Mapping[str, xr.Dataset]) -> Held:
+    """Return the specimens that hold each point."""
+    held: Held = {}
+    for data in groups.values():
+        _add_points(held, data, data["specimen"].values.tolist())
+    return held
 
 
 def _add_points(held: Held, data: xr.Dataset, labels: Sequence[str]) -> None:

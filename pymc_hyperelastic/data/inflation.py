@@ -223,6 +223,11 @@ def _check_labels(data: xr.Dataset) -> None:
             )
 
 
+# Expected value of an outer diameter that is less than that of the wall without a lumen.
+_ROOM = (
+    "an outer diameter in which the wall has room: is it an inner diameter, are inner_radius and "
+    "outer_radius diameters or in another unit, or is axial_stretch a strain?"
+)
 # Test for impossible values of a variable, and the expected values in words.
 _RULES = {
     "radius": (lambda v: v["radius"] <= 0, "expected a positive radius: correct or drop the row"),
@@ -261,7 +266,7 @@ def _defects_of_tubes(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]
     for name, numbers in values.items():
         expected = "a finite number"
         if name == "radius" and "outer_diameter" in values:
-            expected = "an outer diameter in which the wall has room"
+            expected = _ROOM
         missing = np.isnan(numbers) & ~np.asarray(_may_be_missing(data, name))
         bad = {f"expected {expected}": np.isinf(numbers) | missing}
         if name in _RULES:
@@ -275,7 +280,9 @@ def _defects_of_tubes(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]
             bad = {expected: found & ~of_sheet for expected, found in bad.items()}
             bad["expected nan, as the test is of a sheet"] = ~np.isnan(numbers) & of_sheet
         for expected, found in bad.items():
-            yield from _found(data, name, numbers, found, expected)
+            # The user states the diameter, not the internal radius that follows from it.
+            stated = "outer_diameter" if expected.endswith(_ROOM) else name
+            yield from _found(data, stated, values[stated], found, expected)
 
 
 def _defects_of_sheets(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]:

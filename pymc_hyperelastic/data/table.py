@@ -107,8 +107,8 @@ def inflation_data(
         than a hundredth, or in a few rows only. If a number is taken for the axial stretch or the
         opening angle, and a column of that name says something else. If a pressure, a length, a
         stretch, an angle or a force is beyond what soft tubes have, such as 120 kPa where 120 mmHg
-        was meant; the ranges are on the page What a file may look like. `check` makes it an error,
-        or silences it.
+        was meant; the ranges are on the page What a file may look like. If the error of the wall is
+        stated with the outer radius. `check` makes it an error, or silences it.
 
     Raises
     ------
@@ -181,6 +181,7 @@ def inflation_data(
     sector = reference_tube(rows, tube, measures)
     values |= sector
     values |= errors_of_tube(rows, tube, errors)
+    _doubt_kept_radius(tube, problems)
     groups = groups_of(rows)
     if measured == "outer_diameter":
         geometry = {name: values[name][rows.test[order]] for name in sector}
@@ -197,6 +198,20 @@ def inflation_data(
     check_plausible(data, problems)
     problems.report()
     return data
+
+
+def _doubt_kept_radius(tube: Tube, problems: Problems) -> None:
+    """Doubt an error of the wall if the outer radius is given, as models keep the inner one."""
+    wall = [name for name in stated_wall(tube) if name in (tube.sd or {})]
+    if wall and tube.inner_radius is None:
+        problems.doubt(
+            "kept radius",
+            "",
+            f"the error of {wall[0]} is stated with outer_radius, but models keep the inner radius "
+            f"if {wall[0]} has an error: the error of a modulus may be much too small. Give models "
+            'the error of the inner radius instead, priors={"inner_radius": '
+            "ph.MeasuredValue(sd=...)}",
+        )
 
 
 def _of_tests(

@@ -52,8 +52,9 @@ def check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> Check:
         f"the best curve is further from the data than the noise explains in {where}"
         f"{f' and in {more} more' if more > 0 else ''}: the squared residuals are "
         f"{float(squares.values[at]):.3g} variances of the noise, and about "
-        f"{float(freedom.values[at]):.3g} are expected. The law does not fit, the noise is larger, "
-        "specimens that share one material differ, or something is wrong with the data"
+        f"{float(freedom.values[at]):.3g} are expected. The law does not fit, the prior excludes "
+        "better curves, the noise is larger, specimens that share one material differ, or "
+        "something is wrong with the data"
     )
     verdict = DOUBTFUL if chance < _CHANCE else GOOD
     return Check("residuals", chance, _CHANCE, verdict, words)

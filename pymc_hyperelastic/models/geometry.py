@@ -43,7 +43,9 @@ class MeasuredValue:
     of a length, an area or a stretch, which stay positive, and ``v + z s`` of an angle. The value
     is that of the data, and a thickness is the difference of both radii. Other measures keep their
     measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
-    middle line and the thickness of the closed ring, from which the radii of the sector follow.
+    middle line and the thickness of the closed ring, from which the radii of the sector follow. If
+    the outer radius and the thickness were measured, state the error as that of ``inner_radius``,
+    which leaves the outer radius as it is.
 
     A sheet has the measures ``sheet_thickness`` and ``gauge_length``, of which the data hold no
     values: their `sd` is relative. With the true thickness ``h e^{z s}`` a measured stress is the

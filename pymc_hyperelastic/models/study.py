@@ -54,6 +54,10 @@ class Study:
     forward: ForwardModel | None = None
     """Curves of the model."""
 
+    def __post_init__(self) -> None:
+        # Results hold these data: a later change of the caller's Dataset must not reach them.
+        object.__setattr__(self, "data", self.data.copy(deep=True))
+
     def groups(self) -> dict[str, xr.Dataset]:
         """The inflation data, divided as ArviZ does."""
         measured = [name for name in ("pressure", *STRESSES) if name in self.data]

@@ -18,7 +18,6 @@ from pymc_hyperelastic.reports.page import (
     frame_of,
     in_words,
     listed,
-    plural,
 )
 from pymc_hyperelastic.rounding import DIGITS, short
 
@@ -31,7 +30,7 @@ _MOST_PRESSURES = 3
 def _check(result: xr.Dataset, page: Page) -> None:
     """Add notices on the number of differences, the prior, and specimens without a quantity."""
     warn_of_simulated(result.attrs, page)
-    if "words" in result.attrs:
+    if "words" in result.attrs and result.attrs.get("compared") != 1:
         todo = "Read a single interval that excludes 0 as a hint, not as a proof"
         page.notice(NOTE, result.attrs["words"], todo)
     for name in result["quantity"].values.tolist():
@@ -109,13 +108,17 @@ def _finding(result: xr.Dataset) -> str:
     interval = frame_of(own.expand_dims("place"), "difference_interval", "place").iloc[0, 0]
     unit = "" if own["unit"].item() == "1" else f" {own['unit'].item()}"
     low, high = typical["difference_interval"].transpose("bound", ...).values
-    excluded = int(((low > 0) | (high < 0)).sum())
-    count = f"{excluded or 'none'} of {plural(typical.sizes['place'], 'difference')}"
-    text = (
-        f"{result['comparison'].item()}: {count} {'have' if excluded > 1 else 'has'} a {prob} "
-        f"interval that excludes 0; the clearest is the one in the "
-        f"{quantity_in_words(own['quantity'].item())}, {in_words(interval)}{unit}"
-    )
+    excluded, total = int(((low > 0) | (high < 0)).sum()), typical.sizes["place"]
+    value = f"{quantity_in_words(own['quantity'].item())}{{}} {in_words(interval)}{unit}"
+    if total == 1:
+        excludes = "excludes" if excluded else "contains"
+        found = f"the difference in the {value.format(' is')}; its {prob} interval {excludes} 0"
+    else:
+        found = (
+            f"{excluded or 'none'} of {total} differences {'have' if excluded > 1 else 'has'} a "
+            f"{prob} interval that excludes 0; the clearest is the one in the {value.format(',')}"
+        )
+    text = f"{result['comparison'].item()}: {found}"
     if "log_bayes_factor" in result:
         chance = in_words(float(result["probability_of_difference"]), "probability")
         text += f". The probability that the groups differ at all is {chance}; 0.5 before the data"

@@ -17,13 +17,15 @@ from pymc_hyperelastic.reports.page import NOTE, Page, in_words, listed, plural
 
 # Findings in the summary, at most.
 _MOST_FINDINGS = 4
+# A fit may have none of these, for example if its law is not defined in this process.
+_NO_FINDINGS = "This page has no elastic property, no difference of groups and no decision."
 
 
 def summarise(page: Page) -> dict[str, str]:
     """Return sentences on the data, the result and its limits, by heading."""
     findings = page.findings or page.values[:1]
     more = len(findings) - _MOST_FINDINGS
-    text = " ".join(findings[:_MOST_FINDINGS]) or "No model was fitted to the data."
+    text = " ".join(findings[:_MOST_FINDINGS]) or _NO_FINDINGS
     if more > 0:
         text += f" {plural(more, 'further result')} can be found below."
     return {"Data": _data_sentence(page.data), "Result": text, "Limits": _limits_sentence(page)}

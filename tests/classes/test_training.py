@@ -2,11 +2,12 @@
 
 import warnings
 
+import numpy as np
 import pytest
-from variable_classes import TRAINING, classify, curves
+from variable_classes import TRAINING, classify, curves, fit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.training import check_left_out, check_new
+from pymc_hyperelastic.classes.training import check_left_out, check_new, warn_of_copies
 
 
 def renamed(data, *names):
@@ -55,3 +56,23 @@ def test_copy_of_a_left_out_specimen_is_refused_unless_left_out_together():
     with pytest.raises(ValueError, match=r"specimen 'A1', .* under the specimen 'B1' as well"):
         ph.cross_validate(ph.NeoHookean(), data, 1.0)
     check_left_out(data, {"A1": 1, "B1": 1, "A2": 2, "B2": 2, "A3": 3, "B3": 3})
+
+
+def test_copy_among_the_training_data_warns():
+    """A copy under another name counts twice, in one group or in two."""
+    soft = TRAINING["soft"]
+    copied = renamed(ph.select(soft, specimen="A2"), "B9")
+    with pytest.warns(UserWarning, match=r"specimen 'A2', .* under the specimen 'B9' as well"):
+        warn_of_copies({"soft": soft, "stiff": copied})
+    # No warning, which would be an error: other data, one name, and too few points to tell.
+    warn_of_copies(TRAINING)
+    warn_of_copies({"soft": soft, "again": soft})
+    few = ph.select(soft, specimen="A2", experiment=1).isel(obs=slice(2))
+    warn_of_copies({"soft": few, "stiff": renamed(few, "B9")})
+
+
+def test_fit_warns_of_a_copy_among_the_training_data():
+    soft = ph.select(TRAINING["soft"], specimen=["A1", "A2"])
+    copied = renamed(soft, *np.char.replace(soft["specimen"].values.astype(str), "A", "B"))
+    with pytest.warns(UserWarning, match="would count twice"):
+        fit(training={"soft": soft, "stiff": copied}, draws=100, chains=1)

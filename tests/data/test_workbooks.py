@@ -39,6 +39,12 @@ def test_sheets_of_a_workbook_are_read_as_tables_with_line_numbers(tmp_path):
     assert "a.xlsx, sheet 'tubes': Excel, decimal points, 1 row\n" in data.attrs["understood"]
 
 
+def test_sheet_of_notes_is_refused_with_what_to_do(tmp_path):
+    path = workbook(tmp_path / "a.xlsx", points=POINTS[1:], tubes=TUBES, notes=[["by hand"]])
+    with pytest.raises(ValueError, match=r"sheet 'notes' ends with .* leave it out"):
+        ph.read_tests(path)
+
+
 def test_cells_of_a_workbook_that_are_not_numbers_are_refused_with_their_line(tmp_path):
     rows = [*POINTS[1:], ["S1", 1, pd.Timestamp("2024-02-07"), True]]
     message = message_of(ph.read_tests, workbook(tmp_path / "a.xlsx", points=rows))

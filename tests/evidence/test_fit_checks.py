@@ -37,8 +37,8 @@ def two_tests(shift=0.0):
     return ph.inflation_data(pd.concat(frames, ignore_index=True), TUBE)
 
 
-def sampled(data, **noise):
-    model = ph.inflation_model(ph.NeoHookean(), data, ph.Gaussian(SD, **noise))
+def sampled(data, priors=None, **noise):
+    model = ph.inflation_model(ph.NeoHookean(), data, ph.Gaussian(SD, **noise), priors=priors)
     return ph.sample_smc(model, draws=300, chains=2, random_seed=SEED, progressbar=False)
 
 
@@ -102,6 +102,13 @@ def test_experiment_with_large_residuals_is_named_in_the_warning():
     smallest = stats.chi2.sf(squares["pressure"], points["pressure"]).min()
     assert said["value"] == pytest.approx(2 * smallest) and said["verdict"] == "doubtful"
     assert "NUTS" not in ph.diagnose_evidence(tree).attrs["words"]
+
+
+def test_prior_that_excludes_the_data_is_named_as_a_reason():
+    """A narrow prior without limits is far from the modulus of the data, which is about 40 kPa."""
+    data = two_tests().drop_vars("axial_force")
+    with pytest.warns(UserWarning, match="the prior excludes better curves"):
+        sampled(data, priors={"mu": pm.Normal.dist(60.0, 0.1)})
 
 
 def beside_limit(place, sd):

@@ -174,6 +174,15 @@ def test_model_can_be_rebuilt_from_its_stored_result(tmp_path):
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
+@pytest.mark.parametrize("likelihood", [NOISE, OBSERVED])
+def test_result_keeps_the_data_of_its_model_if_the_users_data_change(likelihood):
+    data = curves()
+    original = data.copy(deep=True)
+    model = ph.ogden_model(data, likelihood)
+    data["pressure"][:], data["inner_radius"][:] = 99.0, 6.0
+    xr.testing.assert_identical(inflation_data_of(result_of(model)), original)
+
+
 def test_copied_and_pickled_models_keep_their_study():
     generative = ph.ogden_model(curves(), OBSERVED)
     for model in (generative, ph.population_model(OGDEN, curves(), 0.5)):

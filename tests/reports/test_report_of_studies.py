@@ -112,6 +112,13 @@ def test_fit_tables_equal_the_results_of_specimens_and_classes(page, results):
             np.testing.assert_array_equal([row[place] for row in rows], np.concatenate(values))
 
 
+def test_a_single_difference_needs_no_correction_for_multiple_comparisons(page, results):
+    assert results["Compared"].attrs["compared"] == 1
+    assert "multiple comparisons" not in page.warnings
+    low, high = results["Compared"]["difference_interval"].sel(statistic="typical").values.ravel()
+    assert low * high > 0 and "its 95 % interval excludes 0. The probability that" in page.text
+
+
 def test_difference_table_equals_compare_classes(page, results):
     result = results["Compared"].sel(quantity="mu").isel(comparison=0)
     headings, (row,) = page.table("Differences of the typical specimens: Compared")

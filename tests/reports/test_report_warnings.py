@@ -133,6 +133,8 @@ def test_unknown_law_and_invalid_data_give_warnings(write_words):
     data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
     page = write_words({"Artery": tree, "Data": data})
     assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings
+    # The model was fitted, but nothing can be computed from it.
+    assert "no elastic property, no difference" in page.text and "No model" not in page.text
     assert "pressure is nan kPa; expected a finite number" in page.warnings
 
 

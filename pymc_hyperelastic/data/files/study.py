@@ -127,10 +127,15 @@ def _missing(
             for name, others in spellings.items()
             if others
         )
+        of_sheets = (
+            "; points of sheets have columns such as stretch_x and stress_x"
+            if {("pressure",), MEASURED} <= {*lacking}
+            else ""
+        )
         problems.append(
             f"{names_in_words(table)}, and no column {none}: rename the one that holds it, or say "
             f"what it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
-            f"rows, constants.{lacking[0][0]} ({called})"
+            f"rows, constants.{lacking[0][0]} ({called}{of_sheets})"
         )
     return problems + (without_specimens(others) if points else [])
 

@@ -288,7 +288,7 @@ def no_rows(file: str, line: int) -> ValueError:
     """Error of a file that ends with its names, in a `line`."""
     return ValueError(
         f"{file} ends with the names of columns, in line {line}; expected one line a measured "
-        "point below them"
+        "point below them. If it is no table of the study, leave it out"
     )
 
 
