@@ -19,7 +19,6 @@ from scipy import linalg
 from pymc_hyperelastic.classes.distribution import (
     DISTRIBUTIONS,
     SIZES,
-    ClassDraws,
     fit_enough,
     shared_draws,
 )
@@ -166,7 +165,7 @@ class Joint:
         seed: np.random.SeedSequence,
     ) -> xr.DataTree:
         """Return posterior and evidence for units, given by names of groups and of units."""
-        model, first = _JointModel(self), ClassDraws(_flat(units), int(SIZES[0]), None)
+        model, first = _JointModel(self), (_flat(units), int(SIZES[0]), None)
         return with_diagnosis(fit_enough(model, first, draws, chains, seed))
 
     def kernel(self, units: Mapping[str, Mapping[str, Unit]], count: int) -> BatchedSMC:
