@@ -155,7 +155,7 @@ def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     if not all(isinstance(file, str | os.PathLike) for file in several):
         raise TypeError(
             f"files are {shown(files)}; expected a path or a list of paths. Write a text or an "
-            "open file to a file first"
+            "open file to a file first; a dict of settings is given as settings=..."
         )
     for file in map(str, several):
         if re.match("[a-z]+://", file):
