@@ -196,7 +196,7 @@ def expected_information(
     ...     "curve": {"pressure": (10, 140), "pressure_unit": "mmHg"},
     ... }
     >>> found = ph.expected_information(
-    ...     classes, designs, about="alpha", specimens=20, draws=64, random_seed=1
+    ...     classes, designs, about="alpha", specimens=20, draws=64, random_seed=2
     ... )
     >>> found["design"].values.tolist()
     ['curve', 'one point']

@@ -17,7 +17,7 @@ from pymc_hyperelastic.mechanics.wall import WALL_ORDER, TubeOp, WallIntegral, r
 LONGEST_STEP = 0.1
 # Step of Newton's method, relative to a radius or a stretch, with which a solution counts as found:
 # Newton's method squares its error, so that the next step is below rounding.
-SMALLEST_STEP = 1e-8
+SMALLEST_STEP = 1e-9
 
 
 class PressureIntegral(WallIntegral):

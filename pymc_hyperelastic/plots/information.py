@@ -68,7 +68,7 @@ def plot_information(
     >>> import pymc_hyperelastic as ph
     >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> designs = {"low": {"pressure": (1, 5)}, "high": {"pressure": (13, 19)}}
-    >>> found = ph.expected_information(classes, designs, specimens=20, draws=64, random_seed=1)
+    >>> found = ph.expected_information(classes, designs, specimens=20, draws=64, random_seed=2)
     >>> figure = ph.plot_information(found, backend="none")
     >>> figure.viz["points"]["information"].sizes["design"]
     2
