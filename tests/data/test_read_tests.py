@@ -409,7 +409,7 @@ def test_unreadable_input_is_refused_with_what_to_do(written, tmp_path):
     assert words in message_of(written, of_sheets)
     assert words not in message_of(written, f"{HEAD}\n{ROWS}".replace("pressure_kPa", "P11 [kPa]"))
     assert "is an address, not a path" in message_of(ph.read_tests, "https://example.org/a.csv")
-    with pytest.raises(TypeError, match="to a file first; a dict of settings is given as settings="):
+    with pytest.raises(TypeError, match="to a file first; a dict of settings is given as"):
         ph.read_tests(io.StringIO(f"{HEAD}\n{ROWS}"))
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("a.csv", f"{HEAD}\n{ROWS}")

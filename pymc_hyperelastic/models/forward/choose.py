@@ -158,8 +158,8 @@ def _select_nodes(
     """Return matrices of nodes that are selected for possible `draws` of the prior, or None.
 
     Nodes are selected for half of the draws, and others whose curves err by more than the tolerance
-    are added, until few of fresh draws are inaccurate. The nodes of the last round, and of a law with
-    kinks those of any round, are accepted if no larger fraction is `inaccurate`.
+    are added, until few of fresh draws are inaccurate. The nodes of the last round, and for a law
+    with kinks those of any round, are accepted if no larger fraction is `inaccurate`.
     """
     energy, tolerance = draws.energy, tabulated.tolerance
     split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
