@@ -23,7 +23,7 @@ def mass_at_limits(model: pm.Model, unconstrained: Mapping[str, Array]) -> xr.Da
 
     It is 0 where the posterior is not pressed against the limit, but ends before it. Counted are
     variables whose prior has two ends. A lower end of 0 is no choice of whoever stated the prior:
-    a modulus is not negative, and may be small.
+    a modulus is not negative, and may be small. Nor are both ends of a fraction, 0 and 1.
     """
     shares: dict[str, float] = {}
     for rv in model.free_RVs:
@@ -43,7 +43,8 @@ def mass_at_limits(model: pm.Model, unconstrained: Mapping[str, Array]) -> xr.Da
         for index in np.ndindex(shape):
             entry = place[(..., *index)]
             name = f"{rv.name}{list(index) if index else ''}"
-            shares[f"upper limit {highest[index]:g} of {name}"] = _share_at_end(1 - entry)
+            if (lowest[index], highest[index]) != (0, 1):
+                shares[f"upper limit {highest[index]:g} of {name}"] = _share_at_end(1 - entry)
             if lowest[index] != 0:
                 shares[f"lower limit {lowest[index]:g} of {name}"] = _share_at_end(entry)
     if not shares:
