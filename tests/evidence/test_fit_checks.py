@@ -111,10 +111,10 @@ def test_prior_that_excludes_the_data_is_named_as_a_reason():
         sampled(data, priors={"mu": pm.Normal.dist(60.0, 0.1)})
 
 
-def beside_limit(place, sd):
-    """A number whose likelihood is normal, with a uniform prior from 1 to 2."""
+def beside_limit(place, sd, ends=(1.0, 2.0)):
+    """A number whose likelihood is normal, with a uniform prior between two ends."""
     with pm.Model() as model:
-        x = pm.Uniform("x", 1.0, 2.0)
+        x = pm.Uniform("x", *ends)
         pm.Potential("likelihood", pm.logp(pm.Normal.dist(place, sd), x))
     return ph.sample_smc(model, draws=1000, chains=2, random_seed=SEED, progressbar=False)
 
@@ -141,6 +141,11 @@ def test_posterior_that_ends_before_a_prior_limit_passes_the_check():
     tree = beside_limit(1.995, 0.0008)
     assert (tree["evidence"]["at_limit"] == 0).all()
     assert tree["diagnosis"].attrs["verdict"] == "good"
+
+
+def test_ends_of_a_fraction_are_no_limits_that_a_wider_prior_could_move():
+    tree = beside_limit(1.1, 0.1, ends=(0.0, 1.0))
+    assert "at_limit" not in tree["evidence"] and tree["diagnosis"].attrs["verdict"] == "good"
 
 
 @pytest.mark.parametrize(
