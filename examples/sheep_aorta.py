@@ -40,9 +40,10 @@ ph.plot_inflation(data, pressure_unit="mmHg").savefig(OUT / "data.png", dpi=150)
 # %%
 # Fit the classes, and classify the new experiments
 # -------------------------------------------------
-# The fitted classes are saved, opened again, and then used to classify the new experiments. The fits
-# of the power law are called doubtful: its exponent is pressed against the upper limit of its prior,
-# because the law cannot stiffen as fast as these tubes.
+# The fitted classes are saved, opened again, and then used to classify the new experiments.
+#
+# The fits of the power law are called doubtful: its exponent is pressed against the upper limit of
+# its prior, because the law cannot stiffen as fast as these tubes.
 fitted, results = {}, {}
 for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     law = energy.name
