@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 
 # Numbers of draws that may represent a specimen in the model of its class. The class density is
 # averaged over them; it is mostly far wider than the specimen's posterior, and few are enough.
-SIZES = PARTICLES // np.array([8, 4, 2, 1])
+DRAW_COUNTS = PARTICLES // np.array([8, 4, 2, 1])
 # The guide, a cheaper target whose gradients lead the particles, has fewer draws by this factor.
 # Its log density differs from that of the class by a fraction of a nat, so most moves are accepted.
 _GUIDE_FACTOR = 16
@@ -132,9 +132,10 @@ class ClassModel:
         return kernel
 
     def variances(self, tree: xr.DataTree, draws: Specimens) -> Array:
-        """Variance of the log evidence of a fitted class for each number of draws in `SIZES`."""
+        """Variance of the log evidence of a fitted class, for each of `DRAW_COUNTS`."""
         distributions = distributions_of(tree, DISTRIBUTIONS)
-        return np.sum([variance_of_specimen(d, distributions, SIZES) for d in draws.values()], 0)
+        each = [variance_of_specimen(d, distributions, DRAW_COUNTS) for d in draws.values()]
+        return np.sum(each, axis=0)
 
 
 def draws_of_class(
@@ -158,7 +159,7 @@ def draws_of_class(
     """
     particles, current = None, dict(specimens)
     for limit in (LARGEST_ERROR, _INACCURATE):
-        fit = _Fit(model, current, int(SIZES[0]), _FIRST_PARTICLES, particles)
+        fit = _Fit(model, current, int(DRAW_COUNTS[0]), _FIRST_PARTICLES, particles)
         tree = fit.chains(rng.spawn(1))
         particles, variances = fit.particles, model.variances(tree, current)
         if variances[0] < limit**2:
@@ -343,14 +344,13 @@ def fit_enough(
         if (enough := _enough(variances)) <= size:
             break
         size, advance = enough, no_progress
-    error = float(np.sqrt(variances[np.searchsorted(SIZES, size)]))
+    error = float(np.sqrt(variances[np.searchsorted(DRAW_COUNTS, size)]))
     tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     return tree
 
 
 @np.errstate(invalid="ignore")  # variances may be infinite
 def _enough(variances: Array) -> int:
-    """Return the number of draws of which the error would hardly be smaller with all draws."""
-    excess = variances - variances[-1]
-    enough = excess <= LARGEST_ERROR**2
-    return int(SIZES[enough.argmax()]) if enough.any() else PARTICLES
+    """Return the smallest number of draws whose variance is close to that of all draws."""
+    enough = variances - variances[-1] <= LARGEST_ERROR**2
+    return int(DRAW_COUNTS[enough.argmax()]) if enough.any() else PARTICLES

@@ -18,7 +18,7 @@ from scipy import linalg
 
 from pymc_hyperelastic.classes.distribution import (
     DISTRIBUTIONS,
-    SIZES,
+    DRAW_COUNTS,
     fit_enough,
     shared_draws,
 )
@@ -165,7 +165,7 @@ class Joint:
         seed: np.random.SeedSequence,
     ) -> xr.DataTree:
         """Return posterior and evidence for units, given by names of groups and of units."""
-        model, first = _JointModel(self), (_flat(units), int(SIZES[0]), None)
+        model, first = _JointModel(self), (_flat(units), int(DRAW_COUNTS[0]), None)
         return with_diagnosis(fit_enough(model, first, draws, chains, seed))
 
     def kernel(self, units: Mapping[str, Mapping[str, Unit]], count: int) -> BatchedSMC:
@@ -291,14 +291,14 @@ class _JointModel:
         return kernel
 
     def variances(self, tree: xr.DataTree, draws: Mapping[tuple[str, str], Unit]) -> Array:
-        """Return the variance of the log evidence for each number of draws in `SIZES`."""
+        """Return the variance of the log evidence for each number of draws in `DRAW_COUNTS`."""
         distributions = self._joint.distributions(tree, DISTRIBUTIONS)
-        variances = np.zeros(len(SIZES))
+        variances = np.zeros(len(DRAW_COUNTS))
         for key, unit in draws.items():
             terms = unit.log_weight
             for part, distribution in zip(unit.parts, distributions[key[0]], strict=True):
                 terms = terms + log_densities(part, distribution)
-            variances += variance_of_shares(terms, unit.standard_error, SIZES)
+            variances += variance_of_shares(terms, unit.standard_error, DRAW_COUNTS)
         return variances
 
 

@@ -54,7 +54,7 @@ def parts_of(population: Population) -> tuple[str, ...]:
 def variance_of_specimen(
     draws: SpecimenDraws, distributions: ClassDistribution, count: NDArray[np.intp]
 ) -> Array:
-    r"""Variance of a class's log evidence if so many draws represent one of its specimens.
+    r"""Variance of a class's log evidence, for numbers of draws that represent one specimen.
 
     There is one variance for each number in `count`.
 

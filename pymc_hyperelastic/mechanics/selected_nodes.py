@@ -33,8 +33,8 @@ Materials = Sequence[Array]
 COMPARED = 1000
 # Fewest nodes of one wall among these: more walls show more of a response than more nodes of each.
 _FEWEST_OF_A_WALL = 4
-# Quadrature nodes among which nodes of a group are selected: as many walls as there are places.
-_CANDIDATES = _FEWEST_OF_A_WALL * COMPARED
+# Quadrature nodes in the walls of a group among which nodes are selected: ten for each of these.
+_CANDIDATES = 4000
 
 
 @dataclass(frozen=True, eq=False)

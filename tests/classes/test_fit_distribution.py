@@ -6,7 +6,7 @@ from variable_classes import PRESSURE_SD, known_specimen
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.distribution import (
-    SIZES,
+    DRAW_COUNTS,
     ClassDraws,
     ClassModel,
     _enough,
@@ -23,11 +23,11 @@ ENOUGH = 0.1
 
 def test_draws_are_doubled_until_all_draws_would_hardly_reduce_the_error():
     """The variance is a part that no number of draws reduces, and one in proportion to 1 / n."""
-    limit, less = 0.03**2, 1 / SIZES - 1 / SIZES[-1]
-    for k, size in enumerate(SIZES[:-1]):
+    limit, less = 0.03**2, 1 / DRAW_COUNTS - 1 / DRAW_COUNTS[-1]
+    for k, size in enumerate(DRAW_COUNTS[:-1]):
         assert _enough(1.0 + limit * less / less[k]) == size
         assert _enough(1.0 + 1.01 * limit * less / less[k]) == 2 * size
-    assert _enough(np.full(len(SIZES), np.inf)) == SIZES[-1]
+    assert _enough(np.full(len(DRAW_COUNTS), np.inf)) == DRAW_COUNTS[-1]
 
 
 def test_evidence_of_a_class_of_uncertain_specimens_equals_a_sum_over_a_grid():
@@ -36,7 +36,7 @@ def test_evidence_of_a_class_of_uncertain_specimens_equals_a_sum_over_a_grid():
     model = ClassModel(HierarchicalClass.of_settings(ph.NeoHookean(), PRESSURE_SD))
     places, errors = np.log(0.2) + np.array([-0.5, 0.6]), np.array([1.0, 4.0])
     specimens = {f"{e}": known_specimen(rng, x, e) for x, e in zip(places, errors, strict=True)}
-    few, seed = ClassDraws(specimens, int(SIZES[0]), None), np.random.SeedSequence(SEED)
+    few, seed = ClassDraws(specimens, int(DRAW_COUNTS[0]), None), np.random.SeedSequence(SEED)
     fitted = fit_distribution(model, few, 500, 1, seed)
     logs = np.log(0.4) + 0.7 * np.linspace(-5, 5, 201)
     terms = []

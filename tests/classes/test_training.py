@@ -64,7 +64,7 @@ def test_copy_among_the_training_data_warns():
     copied = renamed(ph.select(soft, specimen="A2"), "B9")
     with pytest.warns(UserWarning, match=r"specimen 'A2', .* under the specimen 'B9' as well"):
         warn_of_copies({"soft": soft, "stiff": copied})
-    # No warning, which would be an error: other data, one name, and too few points to tell.
+    # No warning, which would be an error: other data, one name, and too few points.
     warn_of_copies(TRAINING)
     warn_of_copies({"soft": soft, "again": soft})
     few = ph.select(soft, specimen="A2", experiment=1).isel(obs=slice(2))
