@@ -191,6 +191,12 @@ _ERRORS = [
 ]
 #: Measured, geometric quantities and labels by name: whatever a table may hold.
 IN_TABLES = {spec.name: spec for spec in (*_LABELS, *_MEASURED, *_TUBE, *_SHEET, *_ERRORS)}
+#: The same, and what a Dataset of tests holds besides: see inflation_data.
+IN_DATA = IN_TABLES | {
+    "kept_circle": QuantitySpec(
+        "kept_circle", "ratio", "circle in the wall that a thicker wall keeps", lies_on="test"
+    )
+}
 #: Names of columns that tables of sheets alone may hold.
 IN_SHEET_TABLES = {*SHEET_VARIABLES, "kind", "stress_measure", *(spec.name for spec in _SHEET)}
 

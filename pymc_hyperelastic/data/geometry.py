@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows
@@ -18,6 +19,7 @@ from pymc_hyperelastic.mechanics.reference_tube import (
     whole_angle,
     with_both_radii,
 )
+from pymc_hyperelastic.mechanics.tube import opening_factor
 
 Array = NDArray[np.float64]
 
@@ -77,6 +79,27 @@ def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[st
             bent = "the ring would bend inside out, opening_angle is {:.6g} rad as a whole; check "
             _refuse(rows, sector["inner_radius"] <= 0, f"{bent}its sign", angle)
     return sector
+
+
+def kept_circle(tube: Tube, numbers: dict[str, Array], opening_angle: Array) -> Array:
+    """Return the circle in the wall of each sector that a thicker wall would keep.
+
+    It is a fraction of the wall: 0 is the inner radius, which is kept, and 1 the outer radius. That
+    one is kept if it was stated with a measure of the wall. A ring keeps one of its own radii, and
+    its middle line grows by the opening factor when it opens.
+    """
+    outer = bool(stated_wall(tube)) and bool(np.isnan(numbers["inner_radius"]).all())
+    from_middle = 0.5 if outer else -0.5
+    with np.errstate(divide="ignore"):  # a full turn is refused
+        factor = opening_factor(opening_angle) if tube.radii_of == "ring" else 1.0
+    return np.full(len(opening_angle), 0.5 + factor * from_middle)
+
+
+def kept_circles(data: xr.Dataset) -> Array:
+    """Return the :func:`kept_circle` of each test; it is the inner radius if data do not say it."""
+    if "kept_circle" not in data.variables:
+        return np.zeros(data.sizes["test"])
+    return np.nan_to_num(data["kept_circle"].values.astype(float))
 
 
 def errors_of_tube(rows: Rows, tube: Tube, errors: dict[str, Array]) -> dict[str, Array]:

@@ -28,7 +28,7 @@ from pymc_hyperelastic.data.variables import (
 )
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES, SHEET_VARIABLES, STRESSES
+from pymc_hyperelastic.quantities import IN_DATA, SHEET_VARIABLES, STRESSES
 from pymc_hyperelastic.rounding import ROUNDING
 
 # Labels that a message lists.
@@ -164,7 +164,7 @@ def _check_structure(data: xr.Dataset) -> None:
                 f"{name!r} has dimensions {variables[name].dims}; expected {expected}. If points "
                 "were selected by `where`, select them by data.isel(obs=condition)"
             )
-        expected = IN_TABLES[name].unit if name in IN_TABLES else "1"
+        expected = IN_DATA[name].unit if name in IN_DATA else "1"
         unit = variables[name].attrs.get("units", expected)
         if unit != expected:
             raise ValueError(f"{name!r} is in {unit!r}; expected {expected!r}: convert it")
@@ -323,7 +323,7 @@ def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
         return np.any(unknown, axis=0)
     if data.variables[name].dims == ("obs",):  # a stretch that varies was measured
         return name == "axial_force"
-    return name in GEOMETRY
+    return name in (*GEOMETRY, "kept_circle")
 
 
 def _numbers(data: xr.Dataset, name: str) -> np.ndarray:
@@ -340,7 +340,7 @@ def _numbers(data: xr.Dataset, name: str) -> np.ndarray:
 def _found(
     data: xr.Dataset, name: str, values: np.ndarray, bad: np.ndarray, expected: str
 ) -> Iterator[Problem]:
-    spec = IN_TABLES[name]
+    spec = IN_DATA[name]
     unit = "" if spec.unit == "1" else f" {spec.unit}"
     of_test = data.variables[name].dims == ("test",)
     place = place_of_test if of_test else _place_of_point

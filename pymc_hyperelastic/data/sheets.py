@@ -180,7 +180,7 @@ def _check_variables(datasets: Sequence[xr.Dataset]) -> None:
     for name in OPTIONAL:
         having = [number for number, data in of_tubes.items() if name in data.variables]
         lacking = [number for number in of_tubes if number not in having]
-        if name != "axial_force" and having and lacking:
+        if name not in ("axial_force", "kept_circle") and having and lacking:
             how = "combine tubes that were measured in the same way, or say measured='radius'"
             if name != "outer_diameter":
                 how = f"state it for all tubes, or drop it, data.drop_vars({name!r})"

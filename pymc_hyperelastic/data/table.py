@@ -16,7 +16,7 @@ from pymc_hyperelastic.data.columns import (
     rows_of,
 )
 from pymc_hyperelastic.data.extension import stretches_of
-from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
+from pymc_hyperelastic.data.geometry import errors_of_tube, kept_circle, reference_tube
 from pymc_hyperelastic.data.inflation import check_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
@@ -25,7 +25,7 @@ from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.data.variables import POINTS
 from pymc_hyperelastic.mechanics.reference_tube import Tube, check_is_tube, stated_wall
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
-from pymc_hyperelastic.quantities import IN_TABLES, POWERS
+from pymc_hyperelastic.quantities import IN_DATA, POWERS
 
 MeasuredLength = Literal["radius", "outer_diameter"]
 # Key of a frame's attrs under which read_tests says in which units columns were read.
@@ -72,7 +72,10 @@ def inflation_data(
 
         The standard deviations in ``tube.sd`` have the units of their measures, and are of the
         angle that is given. The Dataset holds them as ``thickness_sd`` and so on;
-        :class:`~pymc_hyperelastic.MeasuredValue` uses them in a model.
+        :class:`~pymc_hyperelastic.MeasuredValue` uses them in a model. It also needs
+        ``kept_circle``, the circle in the wall of the sector that keeps its radius if the wall is
+        thicker than measured: 0 is the inner one, which is meant if the variable is missing, and 1
+        the outer one, which is kept if it was stated with a measure of the wall.
     measured : {"radius", "outer_diameter"}
         The quantity that was measured with the pressure, and the name of its column: the current
         internal radius, or the current outer diameter, from which the internal radius follows by
@@ -181,7 +184,9 @@ def inflation_data(
     sector = reference_tube(rows, tube, measures)
     values |= sector
     values |= errors_of_tube(rows, tube, errors)
-    _doubt_kept_radius(tube, problems)
+    kept = kept_circle(tube, measures, sector["opening_angle"])
+    if np.nan_to_num(kept).any():
+        values["kept_circle"] = kept
     groups = groups_of(rows)
     if measured == "outer_diameter":
         geometry = {name: values[name][rows.test[order]] for name in sector}
@@ -200,20 +205,6 @@ def inflation_data(
     return data
 
 
-def _doubt_kept_radius(tube: Tube, problems: Problems) -> None:
-    """Doubt an error of the wall if the outer radius is given, as models keep the inner one."""
-    wall = [name for name in stated_wall(tube) if name in (tube.sd or {})]
-    if wall and tube.inner_radius is None:
-        problems.doubt(
-            "kept radius",
-            "",
-            f"the error of {wall[0]} is stated with outer_radius, but models keep the inner radius "
-            f"if {wall[0]} has an error: the error of a modulus may be much too small. Give models "
-            'the error of the inner radius instead, priors={"inner_radius": '
-            "ph.MeasuredValue(sd=...)}",
-        )
-
-
 def _of_tests(
     rows: Rows, given: Mapping[str, float | str], units: Mapping[str, str], form: str = "{}"
 ) -> dict[str, np.ndarray]:
@@ -226,7 +217,7 @@ def _of_tests(
 
 def _internal(values: np.ndarray, name: str, units: Mapping[str, str]) -> np.ndarray:
     """Values of a quantity in the unit of the package."""
-    dimension = IN_TABLES[name].dimension
+    dimension = IN_DATA[name].dimension
     if dimension == "ratio":
         return values
     if dimension in POWERS:
@@ -261,9 +252,9 @@ def dataset_of(
     variables, coordinates_of_tests = (
         {
             name: (
-                stretch_dimension if name == "axial_stretch" else IN_TABLES[name].lies_on,
+                stretch_dimension if name == "axial_stretch" else IN_DATA[name].lies_on,
                 array,
-                IN_TABLES[name].attributes,
+                IN_DATA[name].attributes,
             )
             for name, array in arrays.items()
         }

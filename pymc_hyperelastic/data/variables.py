@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.messages import shown
-from pymc_hyperelastic.quantities import IN_TABLES, MEASURES, SHEET_VARIABLES
+from pymc_hyperelastic.quantities import IN_DATA, MEASURES, SHEET_VARIABLES
 
 REQUIRED = ("radius", "pressure", *GEOMETRY)
-OPTIONAL = ("outer_diameter", "axial_force", *(f"{name}_sd" for name in MEASURES))
+OPTIONAL = ("outer_diameter", "axial_force", "kept_circle", *(f"{name}_sd" for name in MEASURES))
 LABELS = ("specimen", "experiment", "group")
 # Label of tests of sheets, and its values. It is empty for tubes, and data of tubes alone lack it.
 STRESS_MEASURE = "stress_measure"
@@ -32,7 +32,7 @@ POINTS = {
 
 # Dimensions of what data of tubes, of sheets, and any data must hold, or may hold.
 _OF_TUBES, _MAY_BE_OF_TUBES, _OF_SHEETS, _OF_ANY, _MAY_BE_OF_ANY = (
-    {name: IN_TABLES[name].lies_on if name in IN_TABLES else "obs" for name in names}
+    {name: IN_DATA[name].lies_on if name in IN_DATA else "obs" for name in names}
     for names in (
         REQUIRED,
         OPTIONAL,

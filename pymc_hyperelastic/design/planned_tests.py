@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.quantities import complete_conditions
+from pymc_hyperelastic.data.geometry import kept_circles
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import combine_tests, sheets_of, tubes_of
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.data.variables import REQUIRED, STRESS_MEASURE
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.mechanics.reference_tube import Tube
+from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward import numeric_stresses
 from pymc_hyperelastic.models.geometry import deviated_tube, deviation_name, of_tubes
@@ -63,6 +64,9 @@ class Defaults(NamedTuple):
         if given is not None and (own := tubes_of(given)) is not None:
             names = ("inner_radius", "outer_radius", "opening_angle")
             tube |= {name: float(own[name].values[0]) for name in names}
+        if not set(WALL).isdisjoint(kind.geometry):
+            kept = [kept_circles(data) for data in (datasets if given is None else [given])]
+            tube["kept_circle"] = float(np.median(np.concatenate(kept)))
         sds = {n: _sd_of(n, measured.sd, datasets) for n, measured in kind.geometry.items()}
         sheets = [own for data in datasets if (own := sheets_of(data)) is not None]
         measures = {str(m) for data in sheets for m in data[STRESS_MEASURE].values}
@@ -345,7 +349,7 @@ def data_of(kind: HierarchicalClass, given: xr.Dataset | None, tests: Design) ->
     In planned tests radii and measured values are placeholders.
     """
     datasets = [test.data() for test in tests]
-    names = {*REQUIRED, "axial_force", *SHEET_VARIABLES, STRESS_MEASURE, "test"}
+    names = {*REQUIRED, "axial_force", "kept_circle", *SHEET_VARIABLES, STRESS_MEASURE, "test"}
     # Other standard deviations are settings of the classes.
     names |= {f"{name}_sd" for name, measured in kind.geometry.items() if measured.sd is None}
     parts, number = [], 0

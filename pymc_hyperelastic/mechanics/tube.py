@@ -142,6 +142,30 @@ def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
     return pi * (outer - inner) * (outer + inner) / opening_factor(geometry["opening_angle"])
 
 
+def with_wall(geometry: Mapping[str, Any], name: str, value: Any, kept: Any) -> dict[str, Any]:
+    r"""Tube whose ``thickness`` or ``wall_area`` has another value.
+
+    The circle at the fraction ``f`` (`kept`) of the wall keeps its radius: 0 is the inner radius, 1
+    the outer one. If the thickness ``h`` grows by ``δ``, ``A`` falls by ``f δ`` and ``B`` rises by
+    ``(1 − f) δ``. For a wall area that grows by ``ΔS``, ``δ`` is a root of
+
+    .. math:: (1 - 2f) δ^2 + (A + B + (1 - 2f) h) δ = k ΔS/π .
+    """
+    inner, outer = geometry["inner_radius"], geometry["outer_radius"]
+    change = value - measure_of(name, geometry)
+    if name == "wall_area":
+        excess = opening_factor(geometry["opening_angle"]) * change / pi
+        square = 1 - 2 * kept
+        slope = inner + outer + square * (outer - inner)
+        # This form holds for every f; the other root is no wall.
+        change = 2 * excess / (slope + (slope**2 + 4 * square * excess) ** 0.5)
+    return {
+        **geometry,
+        "inner_radius": inner - kept * change,
+        "outer_radius": outer + (1 - kept) * change,
+    }
+
+
 def reopened(geometry: Mapping[str, Any], opening_angle: Any) -> dict[str, Any]:
     """Sector with another opening angle that has the same closed ring, see `opened_sector`."""
     inner, outer = opened_sector(

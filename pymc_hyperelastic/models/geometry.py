@@ -10,6 +10,7 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 
+from pymc_hyperelastic.data.geometry import kept_circles
 from pymc_hyperelastic.data.inflation import (
     at_points,
     describe_test,
@@ -18,8 +19,15 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
+from pymc_hyperelastic.mechanics.reference_tube import WALL
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
+from pymc_hyperelastic.mechanics.tube import (
+    GEOMETRY,
+    inferred_geometry,
+    measure_of,
+    reopened,
+    with_wall,
+)
 from pymc_hyperelastic.models.priors import check_by_name, check_prior, complete_wall
 from pymc_hyperelastic.quantities import MEASURES, SHEET_MEASURES
 
@@ -42,10 +50,10 @@ class MeasuredValue:
 
     of a length, an area or a stretch, which stay positive, and ``v + z s`` of an angle. The value
     is that of the data, and a thickness is the difference of both radii. Other measures keep their
-    measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
-    middle line and the thickness of the closed ring, from which the radii of the sector follow. If
-    the outer radius and the thickness were measured, state the error as that of ``inner_radius``,
-    which leaves the outer radius as it is.
+    measured values. An error of the thickness or of the wall area leaves the radius as it is that
+    was stated with it in :class:`~pymc_hyperelastic.Tube`; of a closed ring that of the ring, from
+    which the radii of the sector follow. If both radii were stated, it is the inner one. An error
+    of the opening angle leaves the middle line and the thickness of the closed ring.
 
     A sheet has the measures ``sheet_thickness`` and ``gauge_length``, of which the data hold no
     values: their `sd` is relative. With the true thickness ``h e^{z s}`` a measured stress is the
@@ -207,6 +215,12 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, MeasuredValue], laye
             "layers state the thickness of the wall: give a layer's thickness a prior, "
             "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
         )
+    walls = [name for name in WALL if name in measured]
+    if walls and "inner_radius" in measured and kept_circles(data).any():
+        raise ValueError(
+            f"errors are given of inner_radius and {walls[0]}, but the inner radius follows from "
+            f"the measured outer radius, or from the ring: give that of {walls[0]} alone"
+        )
     if "axial_stretch" in measured:
         _check_held(data, "and ph.MeasuredValue holds one error for all of it")
     for name, value in measured.items():
@@ -285,9 +299,8 @@ def register_measures(
     """The specimens' tubes, each as in the first of its tests, as far as they deviate."""
     errors = {name: m.sd for name, m in measured_of(of_tubes(geometry)).items()}
     tube = tube_of_specimens(data, errors)
-    for name, values in deviated_tube(tube, of_tubes(deviations)).items():
-        if values is not tube.get(name):
-            pm.Deterministic(name, values, dims=dims)
+    for name, values in changed_measures(tube, of_tubes(deviations)).items():
+        pm.Deterministic(name, values, dims=dims)
 
 
 def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> dict[str, Any]:
@@ -295,6 +308,7 @@ def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> d
     first = np.unique(specimens_of(data)[1], return_index=True)[1]
     points = [points_of(data, int(test)).start for test in first]
     tube: dict[str, Any] = {name: at_points(data, name)[points] for name in GEOMETRY}
+    tube["kept_circle"] = kept_circles(data)[first]
     for name, sd in errors.items():
         tube[f"{name}_sd"] = data[f"{name}_sd"].values[first] if sd is None else np.float64(sd)
     return tube
@@ -303,19 +317,32 @@ def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> d
 def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
     """Return a tube that deviates from the measured one, see :class:`MeasuredValue`.
 
-    The `tube` holds measured values, and their errors by names such as ``thickness_sd``. Deviations
-    are in standard deviations.
+    The `tube` holds measured values, their errors by names such as ``thickness_sd``, and the
+    ``kept_circle``, see :func:`~pymc_hyperelastic.mechanics.tube.with_wall`. Deviations are in
+    standard deviations.
     """
     measured = {name: tube[name] for name in GEOMETRY}
-    if not deviations:
-        return measured
-    known, ratios = measured, {}
-    for name, deviation in deviations.items():
-        change = deviation * tube[f"{name}_sd"]
-        if name == "opening_angle":
-            # The ring that was measured opens by another angle.
-            known = reopened(measured, measured[name] + change)
-        else:
-            ratios[name] = e ** (change / measure_of(name, measured))
-    changed = {name: measure_of(name, known) * ratio for name, ratio in ratios.items()}
-    return inferred_geometry(known | changed) | changed
+    changes = {name: deviation * tube[f"{name}_sd"] for name, deviation in deviations.items()}
+    angle = changes.pop("opening_angle", None)
+    values = {}
+    for name, change in changes.items():
+        value = measure_of(name, measured)
+        values[name] = value * e ** (change / value)
+    walls = {name: value for name, value in values.items() if name in WALL}
+    known = measured | {name: value for name, value in values.items() if name not in walls}
+    for name, value in walls.items():
+        known = with_wall(known, name, value, tube["kept_circle"])
+    if angle is not None:
+        # The ring that was measured opens by another angle.
+        known = reopened(known, measured["opening_angle"] + angle)
+    return known | walls
+
+
+def changed_measures(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those measures of a :func:`deviated_tube` that are not as in the measured one."""
+    trial = deviated_tube(tube, dict.fromkeys(deviations, 1.0))
+    return {
+        name: values
+        for name, values in deviated_tube(tube, deviations).items()
+        if name not in tube or not np.array_equal(trial[name], tube[name], equal_nan=True)
+    }

@@ -21,7 +21,7 @@ from pymc_hyperelastic.evidence.stored import (
 )
 from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
 from pymc_hyperelastic.models.geometry import (
-    deviated_tube,
+    changed_measures,
     of_sheets,
     of_tubes,
     tube_of_specimens,
@@ -234,10 +234,9 @@ def _measures_of_draws(
     tests = tubes_of(tests_of(inflation_data_of(tree), specimen))
     if z_tubes and tests is not None:
         measured = tube_of_specimens(tests, of_tubes(errors))
-        tube = deviated_tube({name: values.item() for name, values in measured.items()}, z_tubes)
-        tube.pop("axial_stretch")
-        found |= tube
-    return {name: (("chain", "draw"), v) for name, v in found.items() if np.ndim(v)}
+        numbers = {name: values.item() for name, values in measured.items()}
+        found |= changed_measures(numbers, z_tubes)
+    return {name: (("chain", "draw"), v) for name, v in found.items()}
 
 
 def names_of_specimens(fitted: xr.DataTree) -> list[str]:

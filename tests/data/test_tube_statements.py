@@ -120,11 +120,7 @@ def test_missing_angle_convention_is_reported_once_for_all_tests():
 
 
 @pytest.mark.parametrize("wall", [{"thickness": 2.0}, {"wall_area": AREA}])
-def test_error_of_the_wall_is_doubted_only_if_the_outer_radius_is_given(wall):
-    errors = {"sd": {name: 0.1 * value for name, value in wall.items()}}
-    with pytest.warns(UserWarning, match="models keep the inner radius.*inner_radius"):
-        build(inner_radius=None, **wall, **errors)
-    # No warning: warnings are errors in the tests.
-    build(outer_radius=None, **wall, **errors)
-    build(inner_radius=None, **wall)
-    build(inner_radius=None, **wall, **errors, check="ignore")
+def test_data_say_that_a_thicker_wall_keeps_the_outer_radius_only_if_that_was_stated(wall):
+    assert (build(inner_radius=None, **wall)["kept_circle"] == 1).all()
+    for tube in ({"outer_radius": None} | wall, {}):
+        assert "kept_circle" not in build(**tube)

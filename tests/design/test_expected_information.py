@@ -1,5 +1,6 @@
 """Expected information of planned tests, against sums over coordinates and moduli."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,6 +28,7 @@ from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.design import information as module
 from pymc_hyperelastic.design import trials
 from pymc_hyperelastic.design.planned_tests import Defaults, as_design, data_of, radii_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 
 SEED = 914
 X = "log_reference_strain"
@@ -225,6 +227,25 @@ def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(c
         np.testing.assert_allclose(modulus * unit_pressure(own), expected, rtol=1e-6)
     held = np.linspace(6.9, 7.5, 20)
     np.testing.assert_allclose(radii[0, 3:], np.where(held > 7.0, held, np.nan))
+
+
+@pytest.mark.parametrize("kept", [0.0, 1.0])
+def test_planned_tests_keep_the_radius_of_a_thicker_wall_that_the_given_data_keep(kept, classes):
+    """The radius at a pressure is that of a tube with the other wall."""
+    kind = replace(kind_of_classes(classes), geometry={"thickness": ph.MeasuredValue(sd=0.2)})
+    given = inflation_data_of(classes["soft"])
+    given = given.assign(kept_circle=("test", np.full(given.sizes["test"], kept)))
+    design = as_design("a", {"pressure": 1.0, "points": 1}, Defaults.of(kind, classes, given))
+    found = radii_of(kind, design, {X: np.array([[-1.5]]), "thickness_deviation": np.ones((1, 1))})
+    inner, outer = TUBE.values()
+    change = (outer - inner) * np.expm1(0.2 / (outer - inner))
+    tube = ph.Tube(inner - kept * change, outer + (1 - kept) * change)
+    design = as_design(
+        "a", {"pressure": 1.0, "points": 1, "tube": tube}, Defaults.of(kind, classes, given)
+    )
+    exact = radii_of(kind, design, {X: np.array([[-1.5]]), "thickness_deviation": np.zeros((1, 1))})
+    np.testing.assert_allclose(found, exact, rtol=1e-9)
+    assert data_of(kind, given, design)["kept_circle"].values.tolist()[-1] == kept
 
 
 @pytest.mark.deep

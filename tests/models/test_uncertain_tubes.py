@@ -138,27 +138,24 @@ def log_density(model, **point):
 
 
 def changed(data, name, z, sd):
-    """Return data with a measure that deviates by `z` standard deviations from its value."""
-    of_test = np.repeat(z, 2)
-    inner, outer, angle = (
-        data[k].values for k in ("inner_radius", "outer_radius", "opening_angle")
-    )
-    if name == "thickness":
-        h = outer - inner
-        return data.assign(outer_radius=("test", inner + h * np.exp(of_test * sd / h)))
+    """Return data of rings with a measure that deviates by `z` standard deviations."""
+    of_test, tube = np.repeat(z, 2), ("inner_radius", "outer_radius", "opening_angle")
+    inner, outer, angle = (data[k].values for k in tube)
     if name in ("inner_radius", "axial_stretch"):
         value = data[name].values
         return data.assign({name: ("test", value * np.exp(of_test * sd / value))})
+    # The closed ring has the thickness and the middle line of the sector.
+    h, middle = outer - inner, (outer + inner) / 2 * (2 * np.pi - angle) / (2 * np.pi)
+    inner = middle - h / 2
+    if name == "thickness":
+        h = h * np.exp(of_test * sd / h)
     if name == "wall_area":
-        k = 2 * np.pi / (2 * np.pi - angle)
-        area = np.pi * (outer**2 - inner**2) / k
-        square = inner**2 + k / np.pi * area * np.exp(of_test * sd / area)
-        return data.assign(outer_radius=("test", np.sqrt(square)))
-    other = angle + of_test * sd
-    sector = opened_sector(0.5, np.array([0.6, 0.6, 0.63, 0.63]), opening_angle=other)
-    names = ("inner_radius", "outer_radius", "opening_angle")
-    values = zip(names, (*sector, other), strict=True)
-    return data.assign({name: ("test", value) for name, value in values})
+        area = 2 * np.pi * middle * h
+        h = np.sqrt(inner**2 + area / np.pi * np.exp(of_test * sd / area)) - inner
+    if name == "opening_angle":
+        angle = angle + of_test * sd
+    values = (*opened_sector(inner, inner + h, opening_angle=angle), angle)
+    return data.assign({k: ("test", value) for k, value in zip(tube, values, strict=True)})
 
 
 def with_radii(data):
@@ -179,7 +176,7 @@ Z = np.array([[0.7, -1.2], [-0.4, 0.3]])
 @pytest.mark.parametrize(
     ("sds", "measured"),
     [
-        ({"opening_angle": 0.2, "thickness": 0.02}, "radius"),
+        ({"thickness": 0.02, "opening_angle": 0.2}, "radius"),
         ({"inner_radius": 0.01, "axial_stretch": 0.05}, "outer_diameter"),
         ({"wall_area": 0.03}, "radius"),
     ],
@@ -210,6 +207,43 @@ def test_density_at_deviations_equals_the_density_of_the_deviating_tube(sds, mea
     assert tube
     for name, values in zip(names, tube, strict=True):
         np.testing.assert_allclose(values, other[name].values[::2])
+
+
+def wall_data(radius, name, wall, radii_of):
+    """Return data of tubes of which one radius and a measure of the wall, by test, are stated."""
+    stated = {"inner_radius": 0.5, "outer_radius": "outer"}
+    cut = {"opening_angle": RING_ANGLE, "convention": "whole", "radii_of": radii_of}
+    tube = ph.Tube(**{radius: stated[radius]}, axial_stretch="stretch", **{name: name}, **cut)
+    frame = table().assign(**{name: np.repeat(wall, 4)})
+    return ph.inflation_data(frame, tube, measured="outer_diameter", check="ignore")
+
+
+@pytest.mark.parametrize("radii_of", ["sector", "ring"])
+@pytest.mark.parametrize(("name", "wall"), [("thickness", [0.1, 0.12]), ("wall_area", [0.3, 0.4])])
+@pytest.mark.parametrize("radius", ["inner_radius", "outer_radius"])
+def test_wall_with_an_error_keeps_the_radius_that_was_stated_with_it(radius, name, wall, radii_of):
+    """The density at a deviation is that of data with another wall and the same radius."""
+    wall, sd = np.repeat(wall, 2), 0.02
+    data = wall_data(radius, name, wall, radii_of)
+    settings = {"likelihood": NOISE, "mode": "quadrature"}
+    priors = {name: ph.MeasuredValue(sd)}
+    model = ph.inflation_model(ph.Ogden(), data, **settings, priors=priors)
+    other = wall_data(radius, name, wall * np.exp(np.repeat(Z[0], 2) * sd / wall), radii_of)
+    expected = log_density(ph.inflation_model(ph.Ogden(), other, **settings))
+    expected += stats.norm.logpdf(Z[0]).sum()
+    found = log_density(model, **{f"{name}_deviation": Z[0]})
+    assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
+    # The radii that deviate are variables of the model.
+    kept = {radius} if radii_of == "sector" else set()
+    radii = {v.name for v in model.deterministics} & {"inner_radius", "outer_radius"}
+    assert radii == {"inner_radius", "outer_radius"} - kept
+
+
+def test_errors_of_the_inner_radius_and_of_a_wall_stated_with_the_outer_one_are_refused():
+    data = wall_data("outer_radius", "thickness", [0.1] * 4, "sector")
+    priors = {"thickness": ph.MeasuredValue(0.01), "inner_radius": ph.MeasuredValue(0.01)}
+    with pytest.raises(ValueError, match="the inner radius follows from the measured outer radius"):
+        ph.inflation_model(ph.Ogden(), data, NOISE, priors=priors)
 
 
 @pytest.mark.parametrize("unknown", [ph.MeasuredValue(0.1), pm.LogNormal.dist(-1.0, 0.2)])

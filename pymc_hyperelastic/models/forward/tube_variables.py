@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.data.geometry import kept_circles
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.layers import LayeredTube, tube_of
+from pymc_hyperelastic.mechanics.reference_tube import WALL
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.geometry import deviated_tube
@@ -30,6 +32,8 @@ GeometrySd = tuple[tuple[str, float | None], ...]
 def tube_inputs(data: xr.Dataset, errors: GeometrySd) -> Arrays:
     """Return the measured geometry, its errors, and the measured current radius at each point."""
     inputs = {name: at_points(data, name) for name in GEOMETRY}
+    if not set(WALL).isdisjoint(dict(errors)):
+        inputs["kept_circle"] = kept_circles(data)[data["test"].values]
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
     inputs[name] = measured_radius(data).values.astype(float)
     for name, sd in errors:
