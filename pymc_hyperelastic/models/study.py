@@ -88,6 +88,19 @@ class Study:
             groups[group] = groups[group].merge(held[fixed])
         return groups
 
+    @property
+    def physical_ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of the physical range of parameters such as angles, by the names of variables."""
+        alone = isinstance(self.energy, StrainEnergy)
+        laws = [self.energy] if alone else [layer.energy for layer in self.energy]
+        return {
+            name: parameter.prior_range
+            for number, law in enumerate(laws, start=1)
+            for parameter in law.parameters
+            if parameter.natural_scale == "logit"
+            for name in (parameter.name, f"{parameter.name}_{number}")
+        }
+
     def diagnostics(
         self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
     ) -> xr.Dataset:

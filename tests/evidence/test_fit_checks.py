@@ -8,6 +8,7 @@ from scipy import stats
 from scipy.optimize import minimize_scalar
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.limits import mass_at_limits
 
 SEED = 1
 TUBE = ph.Tube(inner_radius=2.5, outer_radius=3.0)
@@ -146,6 +147,33 @@ def test_posterior_that_ends_before_a_prior_limit_passes_the_check():
 def test_ends_of_a_fraction_are_no_limits_that_a_wider_prior_could_move():
     tree = beside_limit(1.1, 0.1, ends=(0.0, 1.0))
     assert "at_limit" not in tree["evidence"] and tree["diagnosis"].attrs["verdict"] == "good"
+
+
+def limits_of(model):
+    """Limits at which a posterior is pressed that lies at both ends of all variables."""
+    ends = np.tile(np.repeat([-8.0, 8.0], 50), (2, 1))
+    at_ends = {model.rvs_to_values[rv].name: ends for rv in model.free_RVs}
+    shares = mass_at_limits(model, at_ends, model.study.physical_ends)
+    assert (shares["at_limit"] == 0.5).all()
+    return shares["limit"].values.tolist()
+
+
+def test_ends_of_physical_ranges_of_parameters_are_no_limits_of_a_prior():
+    data = two_tests().drop_vars("axial_force")
+    law = ph.GasserOgdenHolzapfel()
+    of_moduli = [f"upper limit {end} of {name}" for end, name in ((100, "c"), (500, "k1"))]
+    of_moduli.append("upper limit 50 of k2")
+    assert limits_of(ph.inflation_model(law, data, SD)) == of_moduli
+    narrow = {"beta": pm.Uniform.dist(30, 90), "kappa": pm.Uniform.dist(0, 0.2)}
+    of_narrow = ["lower limit 30 of beta", "upper limit 0.2 of kappa"]
+    found = limits_of(ph.inflation_model(law, data, SD, priors=narrow))
+    assert sorted(found) == sorted([*of_moduli, *of_narrow])
+    # An end of an angle is a limit of a modulus.
+    wide = {"c": pm.Uniform.dist(0, 90)}
+    assert "upper limit 90 of c" in limits_of(ph.inflation_model(law, data, SD, priors=wide))
+    wall = [ph.Layer(law, 0.2, c=10.0, k1=10.0, k2=1.0), ph.Layer(ph.NeoHookean(), 0.3)]
+    open_tube = data.assign(outer_radius=data["outer_radius"] * np.nan)
+    assert limits_of(ph.inflation_model(wall, open_tube, SD)) == ["upper limit 200 of mu_2"]
 
 
 @pytest.mark.parametrize(
