@@ -32,6 +32,11 @@ _REFERENCES = (
     'radii_of="ring" if the radii are those of the closed unloaded ring, before it was cut; '
     '"sector" if they are those of the sector to which it opened'
 )
+#: Advice on tubes of which the outer radius is given with a measure of the wall.
+ERROR_OF_INNER_RADIUS = (
+    "give models the error of the inner radius, of the opened sector if the ring was cut, "
+    'priors={"inner_radius": ph.MeasuredValue(sd=...)}'
+)
 _DEGREES = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
 
 
@@ -82,9 +87,15 @@ def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[st
 def errors_of_tube(rows: Rows, tube: Tube, errors: dict[str, Array]) -> dict[str, Array]:
     """Standard deviations of measures of the sector, from the given ones."""
     if tube.radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
+        # Models keep the inner radius if the wall has an error.
+        instead = (
+            "give the error of its thickness or wall_area"
+            if tube.inner_radius is not None
+            else f"leave this error away, and {ERROR_OF_INNER_RADIUS}"
+        )
         raise ValueError(
             f"sd holds {radii[0]!r}, but the radii are those of the ring, and models take those of "
-            "the sector to which it opened: give the error of its thickness or wall_area"
+            f"the sector to which it opened: {instead}"
         )
     if "opening_angle" in errors:
         if tube.convention is None:

@@ -16,7 +16,11 @@ from pymc_hyperelastic.data.columns import (
     rows_of,
 )
 from pymc_hyperelastic.data.extension import stretches_of
-from pymc_hyperelastic.data.geometry import errors_of_tube, reference_tube
+from pymc_hyperelastic.data.geometry import (
+    ERROR_OF_INNER_RADIUS,
+    errors_of_tube,
+    reference_tube,
+)
 from pymc_hyperelastic.data.inflation import check_data, defects_of
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
@@ -209,9 +213,8 @@ def _doubt_kept_radius(tube: Tube, problems: Problems) -> None:
             "kept radius",
             "",
             f"the error of {wall[0]} is stated with outer_radius, but models keep the inner radius "
-            f"if {wall[0]} has an error: the error of a modulus may be much too small. Give models "
-            'the error of the inner radius instead, priors={"inner_radius": '
-            "ph.MeasuredValue(sd=...)}",
+            f"if {wall[0]} has an error: the error of a modulus may be much too small. Leave this "
+            f"error away, and {ERROR_OF_INNER_RADIUS}",
         )
 
 

@@ -133,3 +133,17 @@ def test_error_of_the_wall_is_doubted_only_if_the_outer_radius_is_given(wall):
     build(outer_radius=None, **wall, **errors)
     build(inner_radius=None, **wall)
     build(inner_radius=None, **wall, **errors, check="ignore")
+
+
+@pytest.mark.parametrize("radius", ["inner_radius", "outer_radius"])
+def test_refused_error_of_a_radius_of_a_ring_is_replaced_by_one_that_is_not_doubted(radius):
+    errors = RING | FUNG | {"sd": {radius: 0.1}}
+    with pytest.raises(ValueError, match=r"those of the ring.*give the error of its thickness"):
+        build(**errors)
+    by_outer = {"inner_radius": None, "thickness": 2.0}
+    advice = r"leave this error away, and give models the error of the inner radius"
+    with pytest.raises(ValueError, match=f"those of the ring.*{advice}"):
+        build(**errors | by_outer)
+    with pytest.warns(UserWarning, match=f"(?i){advice}"):
+        build(**errors | by_outer | {"sd": {"thickness": 0.1}})
+    build(**errors | {"sd": {"thickness": 0.1}})
