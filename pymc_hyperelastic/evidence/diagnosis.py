@@ -136,6 +136,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"residuals"``
         The probability of residuals as large as those of the best curve of some test and signal, or
         specimen, under the noise that is stated or inferred.
+    ``"parameters"``
+        The number of material parameters, with the number of measured values.
     ``"curves"``
         The error of the posterior's curves, relative to the largest value of each.
     ``"specimens"``

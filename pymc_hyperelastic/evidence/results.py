@@ -17,8 +17,9 @@ has the groups
     bounds of priors; ``unmet``, the share of other particles that the reference lacks; and
     ``at_limit``, the share of the posterior within 1 % of each limit of a prior. Models of curves
     add ``curve_error``, the largest error of the posterior's curves, relative to the largest value
-    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; and
-    the number of ``points``, by test and signal.
+    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; the
+    number of ``points``, by test and signal; and those of material ``parameters`` and of
+    ``measured_values``.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``

@@ -112,6 +112,37 @@ def test_prior_that_excludes_the_data_is_named_as_a_reason():
         sampled(data, priors={"mu": pm.Normal.dist(60.0, 0.1)})
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_fewer_measured_values_than_parameters_make_a_fit_doubtful(count):
+    data = two_tests().isel(obs=slice(count), test=[0]).drop_vars("axial_force")
+    model = ph.inflation_model(ph.Ogden(), data, SD)
+    settings = {"draws": 100, "chains": 1, "random_seed": SEED, "progressbar": False}
+    if count == 2:
+        assert ph.sample_smc(model, **settings)["diagnosis"].attrs["verdict"] == "good"
+        return
+    with pytest.warns(UserWarning, match="the fit is doubtful: .* 2 material parameters, .*, 1: "):
+        tree = ph.sample_smc(model, **settings)
+    said = ph.diagnose_evidence(tree).sel(check="parameters")
+    assert said["value"] == 2 and said["limit"] == 1 and said["verdict"] == "doubtful"
+    assert "the prior decides" in ph.diagnose_evidence(tree).attrs["words"]
+
+
+@pytest.mark.parametrize(
+    ("noise", "expected"),
+    [
+        ({}, 16),
+        ({"force_sd": FORCE_SD}, 32),
+        ({"force_sd": FORCE_SD, "diameter_sd": DIAMETER_SD}, 32),
+        ({"force_sd": FORCE_SD, "force_offset_sd": OFFSET_SD}, 30),
+    ],
+)
+def test_measured_values_are_those_that_the_likelihood_uses(noise, expected):
+    data = two_tests() if noise else two_tests().drop_vars("axial_force")
+    model = ph.inflation_model(ph.OgdenSeries(3), data, ph.Gaussian(SD, **noise))
+    found = model.study.chi_squares_of(model)(data, np.zeros((2, 6)))
+    assert found["measured_values"] == expected and found["parameters"] == 6
+
+
 def beside_limit(place, sd, ends=(1.0, 2.0)):
     """A number whose likelihood is normal, with a uniform prior between two ends."""
     with pm.Model() as model:
