@@ -92,8 +92,8 @@ class Study:
     @property
     def physical_ends(self) -> dict[str, tuple[float, float]]:
         """Ends of the physical range of parameters such as angles, by the names of variables."""
-        alone = isinstance(self.energy, StrainEnergy)
-        laws = [self.energy] if alone else [layer.energy for layer in self.energy]
+        wall = self.energy
+        laws = [wall] if isinstance(wall, StrainEnergy) else [layer.energy for layer in wall]
         return {
             name: parameter.prior_range
             for number, law in enumerate(laws, start=1)
