@@ -227,7 +227,8 @@ class _Model:
         values = dict(zip(self._names, self._constrain(found.particles), strict=True))
         value, error = found.log_value
         evidence = {"log_evidence": value, "log_evidence_se": error, "pareto_k": found.pareto_k}
-        limits = mass_at_limits(self._model, self._target.by_name(found.particles[None]))
+        particles = self._target.by_name(found.particles[None])
+        limits = mass_at_limits(self._model, particles, self._model.study.physical_ends)
         doubtful = doubts_of_fit(limits.merge(self._chi_squares(data, found.particles)))
         return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 

@@ -20,7 +20,7 @@ from pymc_hyperelastic.classes.kinds import MISSING, kind_of_classes
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import describe_test
-from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of, warn_of_phases
+from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of, warn_of_repeats
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -108,7 +108,7 @@ class Classification:
         """Raise for data in the training data, or warn about other data of their specimens."""
         check_new(data, self.trees[0].children, self._fresh_specimens)
         if self.by == "specimen":
-            warn_of_phases(data)
+            warn_of_repeats(data)
 
     def manifest(self) -> dict[str, Any]:
         """Return all inputs besides the data on which the results depend, for a store."""

@@ -48,7 +48,7 @@ Files = Annotated[
 Settings = Annotated[
     Path | None, typer.Option(help="A TOML file: columns, units, constants and conventions.")
 ]
-Out = Annotated[Path, typer.Option(help="Folder of the study.")]
+Study = Annotated[Path, typer.Option("--out", help="Folder of the study.")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace results of other data or settings.")
 ]
@@ -166,7 +166,7 @@ def fit(
     slope_weight: SlopeWeight = None,
     draws: Annotated[int, typer.Option(help="Draws of a chain.")] = 1000,
     chains: Annotated[int, typer.Option(help="Independent runs.")] = 4,
-    out: Out = Path("study"),
+    study: Study = Path("study"),
     seed: Seed = 1,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
@@ -202,14 +202,14 @@ def fit(
     )
     if alike and experiment_effect:
         raise ValueError("--experiment-effect needs --variability specimen")
-    out.mkdir(parents=True, exist_ok=True)
+    study.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
-        _fit_law(each.value, fit_law, out, overwrite=overwrite)
+        _fit_law(each.value, fit_law, study, overwrite=overwrite)
 
 
-def _fit_law(law: str, fit_law: Callable[..., Any], out: Path, *, overwrite: bool) -> None:
+def _fit_law(law: str, fit_law: Callable[..., Any], study: Path, *, overwrite: bool) -> None:
     """Fit the classes with one strain energy, save them in a folder, and print the evidences."""
-    path = out / f"{CLASSES}-{law}.nc"
+    path = study / f"{CLASSES}-{law}.nc"
     store = path.with_suffix("")
     if path.exists() and not store.exists() and not overwrite:
         raise ValueError(f"{path} exists already: {_INSTEAD}")
@@ -225,7 +225,7 @@ def _fit_law(law: str, fit_law: Callable[..., Any], out: Path, *, overwrite: boo
 def classify(
     files: Files,
     settings: Settings = None,
-    study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
+    study: Study = Path("study"),
     by: Annotated[
         By, typer.Option(help="Classify all tests of a specimen together, or each experiment.")
     ] = By.specimen,
@@ -266,7 +266,7 @@ def classify(
 
 @app.command()
 def compare(
-    study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
+    study: Study = Path("study"),
     quantity: Annotated[
         list[str] | None, typer.Option(help="A property or a parameter; may be repeated.")
     ] = None,
@@ -316,7 +316,7 @@ def compare(
 
 @app.command()
 def report(
-    study: Annotated[Path, typer.Argument(help="Folder of the study.")] = Path("study"),
+    study: Study = Path("study"),
     page: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
 ) -> None:

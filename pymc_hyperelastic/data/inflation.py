@@ -78,7 +78,7 @@ def points_of(data: xr.Dataset, i: int) -> slice:
     """Positions along dimension ``obs`` of the points of test `i`, counted from 0."""
     points = np.flatnonzero(data["test"].values == i)
     if not points.size:
-        raise IndexError(f"no test {i} in the data, which have {data.sizes['test']} tests from 0")
+        raise IndexError(f"no test {i} in the data; expected 0 to {data.sizes['test'] - 1}")
     return slice(int(points[0]), int(points[-1]) + 1)
 
 

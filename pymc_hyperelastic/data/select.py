@@ -167,10 +167,15 @@ def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Datase
     return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
 
 
-def warn_of_phases(data: xr.Dataset) -> None:
-    """Warn if several phases of a specimen, such as loading and unloading, are fitted together."""
-    if "phase" not in data.coords:
-        return
+def warn_of_repeats(data: xr.Dataset) -> None:
+    """Warn if several phases of a specimen, or cycles of an experiment, are fitted together."""
+    if "phase" in data.coords:
+        _warn_of_phases(data)
+    if "cycle" in data.coords:
+        _warn_of_cycles(data)
+
+
+def _warn_of_phases(data: xr.Dataset) -> None:
     for name, tests in units_of(data, "specimen").items():
         phases = [*dict.fromkeys(data["phase"].values[tests].tolist())]
         if len(phases) > 1:
@@ -181,6 +186,26 @@ def warn_of_phases(data: xr.Dataset) -> None:
                 skip_file_prefixes=(PACKAGE,),
             )
             return
+
+
+def _warn_of_cycles(data: xr.Dataset) -> None:
+    for specimen, own in units_of(data, "specimen").items():
+        found: dict[Hashable, list[Any]] = {}
+        for test in own:
+            experiment, cycle = (data[name].values[test].item() for name in ("experiment", "cycle"))
+            found.setdefault(experiment, []).append(cycle)
+        for experiment, repeated in found.items():
+            cycles = [*dict.fromkeys(repeated)]
+            if len(cycles) > 1:
+                warnings.warn(
+                    f"specimen {shown(specimen)}, experiment {shown(experiment)} has the cycles "
+                    f"{listed(cycles)}, which are used together as independent tests; cycles of "
+                    "one experiment are not independent, so that the posterior is too narrow, and "
+                    "the first ones precondition the tissue: choose the last one, cycles='last' "
+                    f"or ph.select(data, cycle={shown(cycles[-1])})",
+                    skip_file_prefixes=(PACKAGE,),
+                )
+                return
 
 
 def _inventory(data: xr.Dataset) -> str:

@@ -191,8 +191,9 @@ def inflation_data(
     if measured == "outer_diameter":
         geometry = {name: values[name][rows.test[order]] for name in sector}
         geometry["axial_stretch"] = stretch[order]
-        # NaN where the geometry is not known or the wall does not fit in.
-        with np.errstate(invalid="ignore"):
+        # NaN where the geometry is not known or the wall does not fit in; tests with an opening
+        # angle of 2π are refused below.
+        with np.errstate(invalid="ignore", divide="ignore"):
             values["radius"] = internal_radius_from_outer_radius(
                 values["outer_diameter"] / 2, **geometry
             )

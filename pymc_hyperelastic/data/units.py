@@ -31,6 +31,8 @@ _SPELLINGS |= {"n/mm2": "MPa", "kn/m2": "kPa"}
 _SPELLINGS |= {"°": "deg", "degree": "deg", "degrees": "deg"}
 # In small or in large letters these would be other units, or none.
 _AS_WRITTEN = {"mpa", "mn", "un", "n", "nm", "m"}
+# Grams are a mass; balances show forces in grams.
+_GRAMS = {"g", "gr", "gram", "grams", "gramm"}
 _RATIOS = {"": 1.0, "1": 1.0, "-": 1.0, "–": 1.0, "mm/mm": 1.0, "%": 0.01}
 
 
@@ -82,10 +84,18 @@ def is_unit(spelling: str) -> bool:
     return any(known_unit(spelling, dimension) for dimension in (*_BASIC, *POWERS, "ratio"))
 
 
+def expected_units(spelling: str, dimension: str) -> str:
+    """List the units of a dimension in a message on another one, and explain forces in grams."""
+    units = ", ".join(UNITS[dimension])
+    if dimension == "force" and spelling.strip().casefold() in _GRAMS:
+        units += "; grams are a mass: write gf for grams of force, or convert to mN"
+    return units
+
+
 @cache
 def _factor(unit: str, dimension: str, keyword: str) -> float:
     """How many internal units one `unit` is."""
-    expected = f"expected a unit of {dimension}: {', '.join(UNITS[dimension])}"
+    expected = f"expected a unit of {dimension}: {expected_units(str(unit), dimension)}"
     registry, internal = _registry(), UNITS[dimension][0]
     try:
         given = registry.Unit(str(unit))

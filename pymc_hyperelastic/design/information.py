@@ -18,6 +18,7 @@ from pymc_hyperelastic.classes.quantities import complete_conditions, known_quan
 from pymc_hyperelastic.design.planned_tests import Defaults, Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens, check_given
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
@@ -140,7 +141,8 @@ def expected_information(
         ``tests`` : description of the tests of each design.
 
         Attributes: ``entropy`` of the class before the tests, which is the largest possible
-        information about the class; with `stop_below` also ``stop`` (0 or 1) and ``words``.
+        information about the class; ``words`` with the best design or, with `stop_below`, whether
+        any design may give more; with `stop_below` also ``stop`` (0 or 1).
 
     Warns
     -----
@@ -313,16 +315,27 @@ def _result(
     result = result.isel(design=order)
     before = np.exp(tried.log_before)
     entropy = float(-np.sum(before * tried.log_before))
-    attrs: dict[str, Any] = {"about": about, "entropy": entropy}
-    if stop_below is not None:
-        most = int(np.nanargmax((information + 2 * error).round(DIGITS)))
-        attrs["stop"] = int(information[most] + 2 * error[most] < stop_below)
-        attrs["words"] = (
-            f"no design is expected to give more than {stop_below:g} nats of information: stop"
-            if attrs["stop"]
-            else f"{list(planned)[most]!r} may give more than {stop_below:g} nats of information"
-        )
-    return result.assign_attrs(attrs)
+    verdict = _verdict([*planned], information, error, stop_below)
+    return result.assign_attrs(about=about, entropy=entropy, **verdict)
+
+
+def _verdict(
+    names: Sequence[str], information: Array, error: Array, stop_below: float | None
+) -> dict[str, Any]:
+    """Return attributes on the best design, or on whether a design may give more than a limit."""
+    if stop_below is None:
+        best = int(np.nanargmax(information.round(DIGITS)))
+        value = Estimate(information[best], error[best])
+        return {"words": f"{names[best]!r} is expected to give the most information, {value} nats"}
+    upper = information + 2 * error
+    most = int(np.nanargmax(upper.round(DIGITS)))
+    stop = int(upper[most] < stop_below)
+    words = (
+        f"no design is expected to give more than {stop_below:g} nats of information: stop"
+        if stop
+        else f"{names[most]!r} may give more than {stop_below:g} nats of information"
+    )
+    return {"stop": stop, "words": words}
 
 
 def _mean_and_error(values: Array) -> tuple[Array, Array]:

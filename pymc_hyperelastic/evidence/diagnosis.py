@@ -131,10 +131,13 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"bounds"``
         The share of the posterior that is at a bound of the prior, where no particle arrives.
     ``"limits"``
-        The share of the posterior within 1 % of a limit of a prior, other than 0 from above.
+        The share of the posterior within 1 % of a limit of a prior, other than 0 from above and the
+        ends of the physical range of a fraction, an angle or a dispersion.
     ``"residuals"``
         The probability of residuals as large as those of the best curve of some test and signal, or
         specimen, under the noise that is stated or inferred.
+    ``"parameters"``
+        The number of material parameters, with the number of measured values.
     ``"curves"``
         The error of the posterior's curves, relative to the largest value of each.
     ``"specimens"``

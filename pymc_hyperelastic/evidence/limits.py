@@ -18,12 +18,17 @@ from pymc_hyperelastic.evidence.mixture import Array
 _PRESSED = 0.03
 
 
-def mass_at_limits(model: pm.Model, unconstrained: Mapping[str, Array]) -> xr.Dataset:
+def mass_at_limits(
+    model: pm.Model,
+    unconstrained: Mapping[str, Array],
+    physical: Mapping[str, tuple[float, float]] | None = None,
+) -> xr.Dataset:
     """Return the share of the posterior within 1 % of each limit, by the name of the limit.
 
     It is 0 where the posterior is not pressed against the limit, but ends before it. Counted are
     variables whose prior has two ends. A lower end of 0 is no choice of whoever stated the prior:
-    a modulus is not negative, and may be small. Nor are both ends of a fraction, 0 and 1.
+    a modulus is not negative, and may be small. Nor are both ends of a fraction, 0 and 1, or the
+    `physical` ends of other variables by name, such as the 90° of an angle.
     """
     shares: dict[str, float] = {}
     for rv in model.free_RVs:
@@ -43,9 +48,10 @@ def mass_at_limits(model: pm.Model, unconstrained: Mapping[str, Array]) -> xr.Da
         for index in np.ndindex(shape):
             entry = place[(..., *index)]
             name = f"{rv.name}{list(index) if index else ''}"
-            if (lowest[index], highest[index]) != (0, 1):
+            own = (physical or {}).get(rv.name, ())
+            if (lowest[index], highest[index]) != (0, 1) and highest[index] not in own:
                 shares[f"upper limit {highest[index]:g} of {name}"] = _share_at_end(1 - entry)
-            if lowest[index] != 0:
+            if lowest[index] not in (0, *own):
                 shares[f"lower limit {lowest[index]:g} of {name}"] = _share_at_end(entry)
     if not shares:
         return xr.Dataset()

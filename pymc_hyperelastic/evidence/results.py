@@ -17,8 +17,9 @@ has the groups
     bounds of priors; ``unmet``, the share of other particles that the reference lacks; and
     ``at_limit``, the share of the posterior within 1 % of each limit of a prior. Models of curves
     add ``curve_error``, the largest error of the posterior's curves, relative to the largest value
-    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; and
-    the number of ``points``, by test and signal.
+    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; the
+    number of ``points``, by test and signal; and those of material ``parameters`` and of
+    ``measured_values``.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``
@@ -57,6 +58,10 @@ class Study(Protocol):
     @property
     def data(self) -> xr.Dataset:
         """The data from which the model was made."""
+
+    @property
+    def physical_ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of the physical range of unknowns by name, as far as they have two."""
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
@@ -124,8 +129,9 @@ def sampling_tree(
         evidence["ancestor_fraction"] = last["ancestors"] / settings["_n_draws"]
     if "pareto_k" in last:
         evidence["pareto_k"] = last["pareto_k"]
-    found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
+    limits = mass_at_limits(model, unconstrained, study.physical_ends if study else None)
+    found = (xr.Dataset() if found is None else found).merge(limits)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {

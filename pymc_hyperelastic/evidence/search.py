@@ -1,5 +1,6 @@
 """Find a reference for tempering: a distribution like the posterior."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,10 @@ _MOST_TRIED = 50
 # Probes of one stage for each unknown: a narrow mode is met by one point in many thousands, and
 # given away by its weight.
 _PROBES = 20_000
+# Stages of tempering from the prior, at most: 50 unknowns, each known to 0.001 of
+# its prior's width, need 90, and 300 unknowns about 250. A posterior that is
+# thousands of prior standard deviations away would need thousands, and is found from its modes.
+_MOST_STAGES = 500
 # Numbers that are computed for the probes of a stage, at most: they take about a second.
 _PROBED_NUMBERS = 8_000_000
 # Share of the modes in the final reference, if there are several.
@@ -44,6 +49,8 @@ class Search(NamedTuple):
     evidence: xr.Dataset
     """Variables of the group ``evidence``, see ``results.py``: standard errors are infinite where
     particles moved too little, or where too few weights are effective."""
+    far: bool
+    """True if tempering from the prior was given up before it arrived at the posterior."""
 
 
 @np.errstate(all="ignore")  # an optimisation or a proposal may be so wild that it overflows
@@ -60,7 +67,8 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     size = int(np.clip(size, _FEWEST_PARTICLES, _MOST_PARTICLES))
     prior, score, share = _possible_draws(target, size, rng)
     forward = _tempered(prior, size // 2, target, rng)
-    trusted = not forward.capped and len(prior) >= size // 2
+    far = forward.beta < 1
+    trusted = not (forward.capped or far) and len(prior) >= size // 2
     forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
     modes = _modes(target, prior, score, forward, rng)
 
@@ -87,7 +95,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
             "log_masses": ("mode", modes.log_masses if modes is not None else np.array([])),
         }
     )
-    if checked and target.dimension > _FEW_UNKNOWNS:
+    if checked and target.dimension > _FEW_UNKNOWNS and not far:
         # Chains that all start from a reference without some mode agree with each other too.
         others = _tempered(prior[::-1], size // 2, target, rng).particles
         log_prior, log_likelihood = target.score(others)
@@ -96,7 +104,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         evidence["unmet"] = float(np.mean(lacking > _LACKING))
     if checked:
         evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
-    return Search(reference, evidence)
+    return Search(reference, evidence, far)
 
 
 def _possible_draws(
@@ -125,7 +133,8 @@ def _possible_draws(
 def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
     particles = np.resize(prior, (count, target.dimension))
-    return TemperedSMC(GeometricPath(target), particles, rng, HASTY).run()
+    settings = replace(HASTY, most_stages=_MOST_STAGES)
+    return TemperedSMC(GeometricPath(target), particles, rng, settings).run()
 
 
 def _modes(

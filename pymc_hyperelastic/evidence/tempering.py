@@ -33,6 +33,8 @@ class Settings:
     most_capped: float = 6
     """Stages whose particles have not forgotten their places; then they move once a stage.
     Posteriors that come out right have had six such stages at most."""
+    most_stages: float = np.inf
+    """Stages after which :meth:`TemperedSMC.run` gives up."""
 
 
 # For particles that need not be exact, but lead to others.
@@ -86,8 +88,8 @@ class TemperedSMC:
         )
 
     def run(self) -> "TemperedSMC":
-        """Lead the particles to the posterior."""
-        while self.beta < 1:
+        """Lead the particles to the posterior, or as far as the largest number of stages allows."""
+        while self.beta < 1 and self.stages < self.settings.most_stages:
             self.reweight()
             self.resample()
             self.adapt()

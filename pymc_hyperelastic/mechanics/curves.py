@@ -11,7 +11,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.integrals import wall_force, wall_pressure
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry, double, tube_of
-from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube, check_is_tube
+from pymc_hyperelastic.mechanics.reference_tube import WALL, Tube, check_is_tube, whole_angle
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
@@ -159,8 +159,11 @@ def _curves(
     stated = {name: getattr(tube, name) for name in (*GEOMETRY, *WALL)}
     check_geometry(internal_radius=internal_radius, **stated)
     numbers = {name: double(value) for name, value in stated.items()}
+    in_double = replace(tube, **numbers)
+    if tube.opening_angle is not None:
+        check_geometry(opening_angle=whole_angle(in_double))
     # By default the tube has its unloaded length, and a cut ring stays closed.
-    geometry = {"axial_stretch": 1.0, "opening_angle": 0.0} | replace(tube, **numbers).geometry()
+    geometry = {"axial_stretch": 1.0, "opening_angle": 0.0} | in_double.geometry()
     check_geometry(**geometry)
     if "inner_radius" not in geometry:
         raise TypeError(f"{tube} has no inner_radius: the reference inner radius of the tube, mm")

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from math import pi
+from numbers import Real
 from typing import Any, Literal, get_args
 
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opened_sector
@@ -144,10 +146,17 @@ class Tube:
         ------
         ValueError
             If a measure of the wall is given without a radius, if only one radius of a closed ring
-            is known, or if errors of measures are given.
+            is known, if the whole opening angle is a number beyond 2π, or if errors of measures
+            are given.
         """
         if self.sd is not None:
             raise ValueError("only ph.inflation_data accepts errors of the tube; leave sd away")
+        # Tables hold arrays, whose impossible angles are reported with the names of their tests.
+        if isinstance(self.opening_angle, Real) and abs(whole_angle(self)) >= 2 * pi:
+            raise ValueError(
+                f"opening_angle is {whole_angle(self):.6g} rad as a whole; expected an angle "
+                "between -2 pi and 2 pi, in radians"
+            )
         both = with_both_radii(self)
         known = {name: getattr(both, name) for name in GEOMETRY}
         known = {name: value for name, value in known.items() if value is not None}

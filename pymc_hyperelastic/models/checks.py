@@ -1,4 +1,4 @@
-"""Checks of results of curves: the error of curves, and the residuals of the best one."""
+"""Checks of results of curves: their error, the residuals of the best one, and enough data."""
 
 import numpy as np
 import xarray as xr
@@ -15,10 +15,11 @@ _CHANCE = 2e-3
 
 
 def checks_of_curves(tree: xr.DataTree, evidence: xr.Dataset) -> list[Check]:
-    """Compare the residuals of the best curve with the noise, and the error of curves."""
+    """Check the residuals of the best curve, the number of values, and the error of curves."""
     checks = []
     if "chi_square" in evidence:
         checks.append(check_of_residuals(evidence["chi_square"], evidence["points"]))
+    checks += _checks_of_parameters(evidence)
     if "curve_error" in evidence:
         error = float(evidence["curve_error"])
         words = (
@@ -36,6 +37,7 @@ def doubts_of_fit(evidence: xr.Dataset) -> str:
     checks = checks_of_limits(evidence)
     if "chi_square" in evidence:
         checks.append(check_of_residuals(evidence["chi_square"], evidence["points"]))
+    checks += _checks_of_parameters(evidence)
     return "; ".join(check.words for check in checks if check.verdict != GOOD)
 
 
@@ -60,9 +62,31 @@ def check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> Check:
     return Check("residuals", chance, _CHANCE, verdict, words)
 
 
+def _checks_of_parameters(evidence: xr.Dataset) -> list[Check]:
+    """Compare the number of material parameters with that of measured values."""
+    if "parameters" not in evidence:
+        return []
+    parameters, values = (int(evidence[name]) for name in ("parameters", "measured_values"))
+    words = (
+        f"the model has {parameters} material parameters, and the data hold fewer measured values, "
+        f"{values}: they cannot determine all parameters, and the prior decides. Measure more "
+        "points, or take a law with fewer parameters"
+    )
+    verdict = GOOD if parameters <= values else DOUBTFUL
+    return [Check("parameters", parameters, values, verdict, words)]
+
+
 CHECKS_OF_CURVES = ModelChecks(
     checks_of_curves,
-    variables={"curve_error": (), **dict.fromkeys(("chi_square", "points"), ("test", "signal"))},
-    together={"points": "chi_square", "chi_square": "points"},
-    about_fit=("residuals",),
+    variables={
+        **dict.fromkeys(("curve_error", "parameters", "measured_values"), ()),
+        **dict.fromkeys(("chi_square", "points"), ("test", "signal")),
+    },
+    together={
+        "points": "chi_square",
+        "chi_square": "points",
+        "parameters": "measured_values",
+        "measured_values": "parameters",
+    },
+    about_fit=("residuals", "parameters"),
 )

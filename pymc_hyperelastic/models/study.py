@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,19 @@ class Study:
             groups[group] = groups[group].merge(held[fixed])
         return groups
 
+    @property
+    def physical_ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of the physical range of parameters such as angles, by the names of variables."""
+        wall = self.energy
+        laws = [wall] if isinstance(wall, StrainEnergy) else [layer.energy for layer in wall]
+        return {
+            name: parameter.prior_range
+            for number, law in enumerate(laws, start=1)
+            for parameter in law.parameters
+            if parameter.natural_scale == "logit"
+            for name in (parameter.name, f"{parameter.name}_{number}")
+        }
+
     def diagnostics(
         self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
     ) -> xr.Dataset:
@@ -143,6 +157,7 @@ class Study:
     def chi_squares_of(self, model: pm.Model) -> Callable[[xr.Dataset, Array], xr.Dataset]:
         """Compile :meth:`chi_squares` of a model, as a function of its data and of particles.
 
+        The function adds the numbers of material parameters and of measured values.
         The result is empty if the model has no residuals.
         """
         residuals = self.residuals(model)
@@ -150,10 +165,15 @@ class Study:
             return lambda *_: xr.Dataset()
         terms = model.replace_rvs_by_values([*residuals.values()])
         function = BatchedFunction.of_model(model, terms)
+        shapes = [rv.type.shape for rv in model.free_RVs if rv.name in self.priors]
+        parameters = sum(prod(n or 1 for n in shape) for shape in shapes)
 
         def chi_squares(data: xr.Dataset, particles: Array) -> xr.Dataset:
             values = map(np.asarray, function(_some(particles, _SOME)))
-            return self.chi_squares(data, dict(zip(residuals, values, strict=True)))
+            found = self.chi_squares(data, dict(zip(residuals, values, strict=True)))
+            return found.assign(
+                parameters=parameters, measured_values=self._count_measured_values(data)
+            )
 
         return chi_squares
 
@@ -179,6 +199,15 @@ class Study:
         found = {"chi_square": [v[best] for v in squares.values()], "points": [*points.values()]}
         tables = xr.Dataset({name: ([*labels], values) for name, values in found.items()}, labels)
         return tables.transpose("test", "signal")
+
+    def _count_measured_values(self, data: xr.Dataset) -> int:
+        """Count the values that the likelihood uses, less one force for each unknown offset."""
+        assert self.likelihood is not None
+        count = sum(int(data[name].count()) for name in ("pressure", *STRESSES) if name in data)
+        if self.likelihood.with_force and "axial_force" in data:
+            forces = np.bincount(data["test"].values[data["axial_force"].notnull().values])
+            count += int((forces - int(self.likelihood.with_offset)).clip(0).sum())
+        return count
 
     def _fixed(self, model: pm.Model) -> set[str]:
         """Unknowns of the study that are no free variables of a model that was made of its own."""

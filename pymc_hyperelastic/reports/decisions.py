@@ -251,8 +251,8 @@ def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     chosen = unclear[np.argsort(probability[unclear], kind="stable")[:_MOST_SHOWN]]
     page.text(
         f"A class is clear if its probability is at least {_CLEAR}: that of {clear.sum()} of "
-        f"{len(clear)} {units}. There are {len(unclear)} others, of which the {len(chosen)} "
-        "with the lowest probabilities are shown. The result holds all of them."
+        f"{len(clear)} {units}. Shown below: {len(chosen)} of {len(unclear)} without a clear "
+        "class, those with the lowest probabilities. The result holds all of them."
     )
     return result.isel({unit: np.sort(chosen)})
 

@@ -18,7 +18,7 @@ _TODO = {"lacking": "Plan lower pressures or stretches", "unsure": "Repeat with 
 def _check_designs(result: xr.Dataset, page: Page) -> None:
     """Add notices on designs that are as good as the best, and on specimens that are left out."""
     warn_of_simulated(result.attrs, page)
-    if "words" in result.attrs:
+    if "stop" in result.attrs:
         page.notice(NOTE, result.attrs["words"], "")
     names = result["design"].values.tolist()
     best, *others = names

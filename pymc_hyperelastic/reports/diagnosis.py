@@ -47,6 +47,7 @@ _CHECKS = {
         "Look at the figures of the fit. Then try another law, state larger measurement errors, or "
         'fit with variability="specimen"',
     ),
+    "parameters": ("number of material parameters; the limit is that of measured values", ""),
     "curves": ("error of the computed curves, relative to their largest value", ""),
     "specimens": (
         "error due to the draws that stand for the specimens, nats",

@@ -271,7 +271,12 @@ def test_stored_energy_change_needs_only_a_pressure_range(classes):
     few = {"draws": 100, "specimens": 8}
     ends = compare(classes, "stored_energy", at=[0.2, 0.4], **few)["draws"]
     between = ph.Conditions(pressure_range=(0.2, 0.4))
-    found = compare(classes, "stored_energy_change", at=between, **few)["draws"]
+    compared = compare(classes, "stored_energy_change", at=between, **few)
+    assert compared.attrs["words"] == (
+        "1 difference was compared: if the groups do not differ, its 95 % interval excludes 0 with "
+        "a probability of 0.05"
+    )
+    found = compared["draws"]
     typical = {"statistic": "typical"}
     change = ends.sel(typical).diff("pressure").squeeze(["pressure", "quantity"])
     np.testing.assert_allclose(found.sel(typical).squeeze("quantity"), change, rtol=1e-6)

@@ -93,7 +93,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
         run(*fit, "120")
     run(*fit, "120", "--overwrite")
-    run("report", study, "--title", "Sheep <aortas>")
+    run("report", "--out", study, "--title", "Sheep <aortas>")
     page = (study / "report.html").read_text(encoding="utf-8")
     assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
     assert "the decisions were made with other classes than Classes on this page" in page
@@ -135,7 +135,7 @@ def test_compare_command_stores_and_reports_differences_of_groups(run, table, tm
     assert "those at 100 mmHg, with the pressure range 80-120 mmHg." in printed
     found = ph.open_result(study / "comparison-groups.nc")
     assert found["pressure"].item() == pytest.approx(100 * ph.mmHg)
-    run("report", study)
+    run("report", "--out", study)
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
 
 
@@ -176,7 +176,7 @@ def test_compare_command_compares_parameters_of_sheets(run, tmp_path):
     assert probability == pytest.approx(rises, abs=2e-3)  # 1 is printed as >0.999
     assert "kPa" in first and "pressure" not in printed
     assert difference == pytest.approx(60 - 15, abs=20)
-    run("report", study)
+    run("report", "--out", study)
     page = (study / "report.html").read_text(encoding="utf-8")
     assert "Differences" in page and "one tube" not in page
 
@@ -236,10 +236,10 @@ def test_sizes_of_errors_are_converted_to_internal_units():
             "--experiment-effect needs --variability specimen",
         ),
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
-        (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
+        (["report", "--out", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),
         (
-            ["report", "OUT", "--page", "thesis.nc"],
+            ["report", "--out", "OUT", "--page", "thesis.nc"],
             "--page is 'thesis.nc'; expected a file",
         ),
         (["check", "FILE", "--figure", "."], "--figure is '.'; expected a file"),

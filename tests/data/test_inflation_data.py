@@ -129,7 +129,7 @@ def test_at_points_repeats_values_of_tests_and_points_of_finds_their_slices():
     data = build(frame, inner_radius="A")
     assert at_points(data, "inner_radius").tolist() == frame["A"].tolist()
     assert points_of(data, 1) == slice(2, 4)
-    with pytest.raises(IndexError, match="no test 3"):
+    with pytest.raises(IndexError, match="no test 3 in the data; expected 0 to 2"):
         points_of(data, 3)
 
 

@@ -198,6 +198,10 @@ def test_units_in_some_cells_only_or_unknown_units_are_refused(written):
     table = f"{HEAD.replace('pressure_kPa', 'pressure (raw)')}\n{ROWS}"
     expected = "a.csv, line 1: 'pressure (raw)' is pressure, and 'raw' is no unit of pressure"
     assert message_of(written, table).startswith(expected)
+    # A balance shows forces in grams.
+    table = f"{HEAD},axial_force [g]\n" + "".join(f"{row},1\n" for row in ROWS.split())
+    assert "'g' is no unit of force that is known" in message_of(written, table)
+    assert "write gf for grams of force" in message_of(written, table)
     # Megapascals and millipascals differ by their first letter alone.
     assert "'MPA' is no unit" in message_of(written, f"{HEAD.replace('kPa', '[MPA]')}\n{ROWS}")
 

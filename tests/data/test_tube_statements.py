@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tables import build, good_frame
+from tables import build, by_diameter, good_frame
 
 from pymc_hyperelastic import Tube, inflation_data
 
@@ -109,6 +109,11 @@ BAD_TUBES = {
 def test_incomplete_or_contradictory_tube_is_refused_with_what_to_state(stated, message):
     with pytest.raises(ValueError, match=message):
         build(**stated)
+
+
+def test_full_turn_of_a_tube_with_measured_diameters_is_refused_without_a_warning():
+    with pytest.raises(ValueError, match=r"6.28319 rad.*angle between -2 pi and 2 pi"):
+        by_diameter(**RING | FUNG | {"opening_angle": 180.0})
 
 
 def test_missing_angle_convention_is_reported_once_for_all_tests():

@@ -36,6 +36,8 @@ def test_values_in_internal_units_stay_unchanged_to_the_last_bit():
     ("unit", "quantity", "complaint"),
     [
         ("mmhg", "pressure", "not a known unit"),
+        ("g", "force", "write gf for grams of force, or convert to mN"),
+        ("gramm", "force", "write gf for grams of force"),
         ("5 kPa", "pressure", "not a known unit"),
         ("mm**2", "length", "does not measure length"),
         # In pint a pixel is 1/96 inch.

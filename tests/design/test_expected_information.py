@@ -192,6 +192,11 @@ def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
     assert found.attrs["entropy"] == pytest.approx(entr([0.25, 0.75]).sum())
     assert found.attrs["words"] == "'b' may give more than 0.7 nats of information"
     assert not found.attrs["stop"]
+    with pytest.warns(UserWarning):
+        found = module._result(planned, gains, effective, tried, [*TRAINING], "class", None)
+    assert "stop" not in found.attrs
+    words = f"'b' is expected to give the most information, 0.700 ± {0.2 / 3**0.5:.3f} nats"
+    assert found.attrs["words"] == words
     messages = [str(each.message) for each in warned]
     assert len(messages) == 2
     assert messages[0].startswith("design 'c': 25% of the specimens have fewer than 20 effective")

@@ -111,3 +111,18 @@ def test_modes_missed_by_the_search_are_reported():
     )
     assert float(tree["evidence"]["unmet"]) > 0.1
     assert "mode may be missing" in tree["diagnosis"].attrs["words"]
+
+
+def test_posterior_far_from_the_prior_is_reported_and_found_from_its_mode():
+    """The posterior is a thousand standard deviations away from the prior."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0.0, 1.0)
+        pm.Normal("y", x, 1.0, observed=2000.0)
+    with pytest.warns(UserWarning, match="far from the prior.* Does a prior contradict the data"):
+        tree = sampled(model)
+    found, exact = ph.log_evidence(tree), stats.norm(0, np.sqrt(2)).logpdf(2000.0)
+    assert abs(found.value - exact) < STANDARD_ERRORS * found.standard_error < 0.2
+    # The posterior is N(1000, 1/2), known from 1000 nearly independent particles.
+    error = STANDARD_ERRORS * np.sqrt(0.5 / 1000)
+    assert tree["posterior"]["x"].mean() == pytest.approx(1000.0, abs=error, rel=0)
+    assert "prior's side" not in tree["diagnosis"]["check"].values

@@ -8,6 +8,7 @@ from scipy import stats
 from scipy.optimize import minimize_scalar
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.limits import mass_at_limits
 
 SEED = 1
 TUBE = ph.Tube(inner_radius=2.5, outer_radius=3.0)
@@ -111,6 +112,37 @@ def test_prior_that_excludes_the_data_is_named_as_a_reason():
         sampled(data, priors={"mu": pm.Normal.dist(60.0, 0.1)})
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_fewer_measured_values_than_parameters_make_a_fit_doubtful(count):
+    data = two_tests().isel(obs=slice(count), test=[0]).drop_vars("axial_force")
+    model = ph.inflation_model(ph.Ogden(), data, SD)
+    settings = {"draws": 100, "chains": 1, "random_seed": SEED, "progressbar": False}
+    if count == 2:
+        assert ph.sample_smc(model, **settings)["diagnosis"].attrs["verdict"] == "good"
+        return
+    with pytest.warns(UserWarning, match="the fit is doubtful: .* 2 material parameters, .*, 1: "):
+        tree = ph.sample_smc(model, **settings)
+    said = ph.diagnose_evidence(tree).sel(check="parameters")
+    assert said["value"] == 2 and said["limit"] == 1 and said["verdict"] == "doubtful"
+    assert "the prior decides" in ph.diagnose_evidence(tree).attrs["words"]
+
+
+@pytest.mark.parametrize(
+    ("noise", "expected"),
+    [
+        ({}, 16),
+        ({"force_sd": FORCE_SD}, 32),
+        ({"force_sd": FORCE_SD, "diameter_sd": DIAMETER_SD}, 32),
+        ({"force_sd": FORCE_SD, "force_offset_sd": OFFSET_SD}, 30),
+    ],
+)
+def test_measured_values_are_those_that_the_likelihood_uses(noise, expected):
+    data = two_tests() if noise else two_tests().drop_vars("axial_force")
+    model = ph.inflation_model(ph.OgdenSeries(3), data, ph.Gaussian(SD, **noise))
+    found = model.study.chi_squares_of(model)(data, np.zeros((2, 6)))
+    assert found["measured_values"] == expected and found["parameters"] == 6
+
+
 def beside_limit(place, sd, ends=(1.0, 2.0)):
     """A number whose likelihood is normal, with a uniform prior between two ends."""
     with pm.Model() as model:
@@ -146,6 +178,33 @@ def test_posterior_that_ends_before_a_prior_limit_passes_the_check():
 def test_ends_of_a_fraction_are_no_limits_that_a_wider_prior_could_move():
     tree = beside_limit(1.1, 0.1, ends=(0.0, 1.0))
     assert "at_limit" not in tree["evidence"] and tree["diagnosis"].attrs["verdict"] == "good"
+
+
+def limits_of(model):
+    """Limits at which a posterior is pressed that lies at both ends of all variables."""
+    ends = np.tile(np.repeat([-8.0, 8.0], 50), (2, 1))
+    at_ends = {model.rvs_to_values[rv].name: ends for rv in model.free_RVs}
+    shares = mass_at_limits(model, at_ends, model.study.physical_ends)
+    assert (shares["at_limit"] == 0.5).all()
+    return shares["limit"].values.tolist()
+
+
+def test_ends_of_physical_ranges_of_parameters_are_no_limits_of_a_prior():
+    data = two_tests().drop_vars("axial_force")
+    law = ph.GasserOgdenHolzapfel()
+    of_moduli = [f"upper limit {end} of {name}" for end, name in ((100, "c"), (500, "k1"))]
+    of_moduli.append("upper limit 50 of k2")
+    assert limits_of(ph.inflation_model(law, data, SD)) == of_moduli
+    narrow = {"beta": pm.Uniform.dist(30, 90), "kappa": pm.Uniform.dist(0, 0.2)}
+    of_narrow = ["lower limit 30 of beta", "upper limit 0.2 of kappa"]
+    found = limits_of(ph.inflation_model(law, data, SD, priors=narrow))
+    assert sorted(found) == sorted([*of_moduli, *of_narrow])
+    # An end of an angle is a limit of a modulus.
+    wide = {"c": pm.Uniform.dist(0, 90)}
+    assert "upper limit 90 of c" in limits_of(ph.inflation_model(law, data, SD, priors=wide))
+    wall = [ph.Layer(law, 0.2, c=10.0, k1=10.0, k2=1.0), ph.Layer(ph.NeoHookean(), 0.3)]
+    open_tube = data.assign(outer_radius=data["outer_radius"] * np.nan)
+    assert limits_of(ph.inflation_model(wall, open_tube, SD)) == ["upper limit 200 of mu_2"]
 
 
 @pytest.mark.parametrize(

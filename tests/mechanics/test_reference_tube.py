@@ -111,6 +111,10 @@ def test_contradictory_or_unknown_statement_is_refused(arguments, error, message
 INCOMPLETE = {
     "no radius": ({"wall_area": 2.0}, "wall_area is given with neither inner_radius nor outer_rad"),
     "half a ring": (RING | WHOLE | {"outer_radius": None}, "only one radius of the closed ring"),
+    "full turn": (
+        RING | {"opening_angle": pi, "convention": "fung"},
+        "6.28319 rad as a whole",
+    ),
     "errors": (SECTOR | {"sd": {"thickness": 0.1}}, "only ph.inflation_data accepts errors"),
 }
 

@@ -9,6 +9,7 @@ import pymc_hyperelastic as ph
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 MATERIAL = {"mu": 6.0, "alpha": 8.0}
 FUNG = {"convention": "fung"}
+RING = TUBE | FUNG | {"radii_of": "ring"}
 UNIT, THIN = {"inner_radius": 1.0}, {"inner_radius": 7.0, "outer_radius": [9.0, 7.0]}
 OGDEN, LAYER = ph.Ogden(), ph.Layer(ph.NeoHookean(), 0.3, mu=20.0)
 SERIES = ph.Layer(ph.OgdenSeries(2), 0.3, mu=[1.0], alpha=[2.0, 3.0])
@@ -33,6 +34,7 @@ TUBES = [
     (OGDEN, 8.0, TUBE | MATERIAL | {"opening_angle": 60.0}, ValueError, "radians.*60.*np.deg2rad"),
     (OGDEN, 8.0, TUBE | MATERIAL | {"opening_angle": 2 * np.pi}, ValueError, "below 2π"),
     (OGDEN, 8.0, TUBE | MATERIAL | FUNG | {"opening_angle": 4.0}, ValueError, "2π; got 8"),
+    (OGDEN, 8.0, RING | MATERIAL | {"opening_angle": [1.0, np.pi]}, ValueError, "below 2π; got"),
     ([], 1.2, UNIT, TypeError, "holds 'nothing'"),
     ([ph.NeoHookean()], 1.2, UNIT, TypeError, r"of layers.*holds NeoHookean\(\)"),
     (LAYER, 1.2, UNIT, TypeError, "a strain energy such as"),

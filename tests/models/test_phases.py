@@ -1,4 +1,4 @@
-"""Loading and unloading of a specimen that are fitted together are doubted, and only these."""
+"""Phases and cycles of a specimen that are fitted together are doubted, and only these."""
 
 import numpy as np
 import pandas as pd
@@ -61,3 +61,16 @@ def test_cohort_warns_about_phases_only_if_they_share_one_material(tmp_path):
     by_specimen = ph.Store(tmp_path / "specimen", cores=1)
     with pytest.warns(UserWarning, match=BOTH):
         ph.fit_cohort(ph.NeoHookean(), data, wide, by_specimen, **SETTINGS)
+
+
+def test_model_of_several_cycles_of_an_experiment_warns_and_names_the_last():
+    radius, pressure = np.linspace(7.2, 9.4, 12), np.linspace(1.0, 17.0, 12)
+    cycles = [curve(radius, pressure + 0.1 * i, cycle=i, experiment=1) for i in (1, 2)]
+    frame = pd.concat([*cycles, curve(radius, pressure, cycle=1, experiment=2)], ignore_index=True)
+    ph.inflation_model(ph.NeoHookean(), build(frame), LIKELIHOOD)
+    data = build(frame, cycles="all")
+    said = r"specimen 'S1', experiment 1 has the cycles 1, 2, .*ph.select\(data, cycle=2\)"
+    with pytest.warns(UserWarning, match=said) as warned:
+        ph.inflation_model(ph.NeoHookean(), data, LIKELIHOOD)
+    assert len(warned) == 1
+    ph.inflation_model(ph.NeoHookean(), ph.select(data, cycle=1), LIKELIHOOD)

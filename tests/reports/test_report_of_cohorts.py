@@ -88,13 +88,13 @@ def test_only_unclear_specimens_of_a_large_cohort_are_shown_one_by_one(write_wor
         "A class is clear if its probability is at least 0.95: that of 300 of 323 specimens."
         in page.text
     )
-    assert "the 23 with the lowest probabilities are shown" in page.text
+    assert "Shown below: 23 of 23 without a clear class, those with the lowest" in page.text
     names = set(page.column("Decisions and probabilities", "specimen"))
     assert names == {f"N{i}" for i in range(300, 323)}
     assert "New: N320, N321 and N322: no convergence." in page.warnings
     assert "New: the classes have no variability" in page.warnings
     page = write_words({"New": many(10, 500, 0)})
-    assert "the 200 with the lowest probabilities are shown" in page.text
+    assert "Shown below: 200 of 500 without a clear class, those with the lowest" in page.text
 
 
 def test_only_the_first_ten_failure_messages_are_shown(write_words):

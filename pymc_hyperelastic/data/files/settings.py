@@ -13,10 +13,10 @@ from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.order import Cycles
 from pymc_hyperelastic.data.table import MeasuredLength
-from pymc_hyperelastic.data.units import Unit, known_unit
+from pymc_hyperelastic.data.units import Unit, expected_units, known_unit
 from pymc_hyperelastic.mechanics.reference_tube import Convention, RadiiOf
 from pymc_hyperelastic.messages import in_one_line, shown
-from pymc_hyperelastic.quantities import IN_TABLES, UNITS
+from pymc_hyperelastic.quantities import IN_TABLES
 
 # Units of all columns of a dimension, as arguments of inflation_data are called.
 UNIT_KEYS = {
@@ -214,6 +214,6 @@ def _unit(place: str, spelling: object, dimension: str) -> Unit:
     if unit is None:
         raise ValueError(
             f"{place} is {shown(spelling)}, which is not a known unit of {dimension}; expected one "
-            f"of {', '.join(UNITS[dimension])}"
+            f"of {expected_units(str(spelling), dimension)}"
         )
     return unit

@@ -35,7 +35,7 @@ from pymc_hyperelastic.data.files.numerals import (
 from pymc_hyperelastic.data.files.settings import UNIT_KEYS, Settings
 from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, no_rows
 from pymc_hyperelastic.data.labels import plain_label
-from pymc_hyperelastic.data.units import Unit, known_unit
+from pymc_hyperelastic.data.units import Unit, expected_units, known_unit
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_SHEET_TABLES, IN_TABLES, UNITS
 
@@ -284,13 +284,12 @@ def _unit_of(
         ]
     if unit:
         return unit, []
-    known_units = ", ".join(UNITS[dimension])
     of_name = heading(column.header)
     if of_name and of_name.unit and of_name.name == name:
         return None, [
             f"{where} is {name}, and {shown(of_name.unit)} is no unit of {dimension} that is "
-            f"known ({known_units}): correct it, or name the column in the list ignore of the "
-            "settings"
+            f"known ({expected_units(of_name.unit, dimension)}): correct it, or name the column in "
+            "the list ignore of the settings"
         ]
     if unit := settings.unit_of(name) or known_unit("", dimension):
         return unit, []

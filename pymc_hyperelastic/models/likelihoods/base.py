@@ -13,7 +13,7 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_data
-from pymc_hyperelastic.data.select import warn_of_phases
+from pymc_hyperelastic.data.select import warn_of_repeats
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.stored import is_number
@@ -174,7 +174,7 @@ class Likelihood:
 
         With `partial`, all tests may be of tubes, or of sheets, where the likelihood states errors
         of both: the data are those of some specimens. If tests of a specimen are used `together`,
-        warn if they are of several phases.
+        warn if they are of several phases or cycles.
         """
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
@@ -184,7 +184,7 @@ class Likelihood:
         if not partial:
             _check_all_used(self, tubes, sheets, geometry)
             if together:
-                warn_of_phases(data)
+                warn_of_repeats(data)
         if tubes is not None:
             self._check_tubes(wall, tubes, of_tubes(geometry))
 
