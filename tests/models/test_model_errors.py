@@ -134,7 +134,7 @@ VALUE_ERRORS = [
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
     (lambda: model(likelihood=SIGNED), "'pressure_sd' has draws such as -|positive numbers"),
     (lambda: fit(likelihood=SIGNED), "'pressure_sd' has draws such as -|positive numbers"),
-    (lambda: inside(lambda mu: model(likelihood=mu - 1, name="x")), "'pressure_sd' has draws such as -"),
+    (lambda: inside(lambda mu: model(likelihood=mu - 1, name="x")), "'pressure_sd' has draws"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
     (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']|'thickness'"),
