@@ -243,7 +243,7 @@ class Likelihood:
                 register(part, curves, errors, points_of_part(tests, part, dims))
             if self.with_offset and not part.of_sheets:
                 moments = posterior_of_offsets(part, curves, errors)
-                own = points_of_part(tests, part, "test")
+                own = points_of_part(tests, part, pm.modelcontext(None).name_for("test"))
                 for name, value in zip(OFFSET_VARIABLES, moments, strict=True):
                     pm.Deterministic(name, value, dims=own)
 
