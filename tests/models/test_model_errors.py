@@ -110,6 +110,7 @@ TYPE_ERRORS = [
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
     (lambda: inside(lambda mu: prior(pm.LogNormal.dist(mu, 1))), "depends on the random variable"),
     (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|independent"),
+    (lambda: inside(lambda _: model(name=1)), "name is 1|'artery'"),
     (ph.sample_smc, "no model is given|in context"),
     (lambda: ph.force_offsets(curves()), "DataTree"),
 ]
