@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binomtest
@@ -41,8 +42,8 @@ def score_probabilities(
     probability : xarray.DataArray or xarray.Dataset
         Probabilities (unit, class_label), where the first dimension may have any name; or the
         result of :func:`pymc_hyperelastic.classify`.
-    truth : sequence of str or xarray.DataArray
-        The true class of each unit.
+    truth : sequence of str, pandas.Series or xarray.DataArray
+        The true class of each unit, in the order of the probabilities.
     bins : int, default 10
         ``M``, the number of bins of equal width between 0 and 1. A probability at an edge between
         two bins belongs to the lower bin.
@@ -184,6 +185,13 @@ def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
             if truth[index].values.tolist() != probability[index].values.tolist():
                 raise ValueError(f"probabilities and truth differ in {index!r}, or in its order")
         truth = truth.values
+    elif isinstance(truth, pd.Series) and not isinstance(truth.index, pd.RangeIndex):
+        index = truth.index.tolist()
+        for name in {unit, "specimen"} & {*probability.coords}:
+            units = probability[name].values.tolist()
+            # The index may be that of another table.
+            if units != index and not set(units).isdisjoint(index):
+                raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
     labels = np.asarray(truth).tolist()
     if not isinstance(labels, list) or len(labels) != len(probability):
         raise ValueError(

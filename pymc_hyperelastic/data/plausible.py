@@ -10,7 +10,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import at_points, file_of, place_of_test
+from pymc_hyperelastic.data.inflation import (
+    at_points,
+    extension_tests,
+    file_of,
+    place_of_test,
+    points_of,
+)
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
@@ -22,6 +28,8 @@ Array = NDArray[np.float64]
 # kPa: a test whose lowest pressure is below, and whose highest is above, has nearly unloaded and
 # inflated tubes.
 _UNLOADED = 2.0
+# Fraction of the largest pressure of a test: smaller falls may be errors of measurement.
+_FALL = 0.5
 # A sheet is pulled if its largest stretch is at least this.
 _PULLED = 1.05
 # Logarithm of a stretch whose stress does hardly any work.
@@ -32,6 +40,7 @@ def check_plausible(data: xr.Dataset, problems: Problems) -> None:
     """Doubt numbers that no soft tube has, once for each quantity."""
     _doubt_single_points(data, problems)
     _doubt_ranges(_quantities(data), data, problems)
+    _doubt_falling(data, problems)
 
 
 def check_plausible_sheets(data: xr.Dataset, lateral: Array, problems: Problems) -> None:
@@ -71,6 +80,26 @@ def _doubt_single_points(data: xr.Dataset, problems: Problems) -> None:
             f"each of the {len(names)} specimens has a single measured point, such as specimen "
             f"{shown(names[0])}: were measured numbers taken for labels of specimens?",
         )
+
+
+def _doubt_falling(data: xr.Dataset, problems: Problems) -> None:
+    """Doubt tests in which each larger radius has a smaller pressure, if its axial stretch is held.
+
+    The pressure of a balloon may fall, too, but only after it has risen.
+    """
+    for test in np.flatnonzero(~extension_tests(data)):
+        points = points_of(data, int(test))
+        order = np.argsort(data["radius"].values[points])
+        pressure = data["pressure"].values[points][order]
+        fall = pressure[0] - pressure[-1]
+        if np.all(np.diff(pressure) < 0) and fall > _FALL * np.abs(pressure).max():
+            problems.doubt(
+                "fall",
+                place_of_test(data, int(test)),
+                f"the pressure falls at each larger radius, from {pressure[0]:.6g} to "
+                f"{pressure[-1]:.6g} kPa: was one of both columns sorted by itself, or a sign "
+                "exchanged?",
+            )
 
 
 def check_plausible_pressures(pressure: Array, check: Check) -> None:

@@ -106,6 +106,8 @@ def material_model(
     ['c1', 'c2', 'c3']
     """
     context = pm.Model.get_context(error_if_none=False)
+    if not isinstance(name, str):
+        raise TypeError(f"name is {name!r}; expected a text, such as 'artery'")
     if name and context is None:
         raise ValueError(
             f"name is {name!r}, a prefix in the model of the context, but no model is in context: "

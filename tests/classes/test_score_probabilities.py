@@ -1,6 +1,7 @@
 """Scores of class probabilities, and how reliable they are, computed by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -95,8 +96,16 @@ def test_frequency_intervals_are_wilson_intervals():
     assert top["frequency_upper"].item() == pytest.approx(0.9433, abs=1e-4)
 
 
-HALVES = classified([[0.5, 0.5]])
+HALVES, TWO = classified([[0.5, 0.5]]), classified([[0.5, 0.5]] * 2)
 NAMED = xr.DataArray([[0.5, 0.5]] * 2, {"unit": [1, 2], "class_label": ["A", "B"]})
+
+
+def test_truth_may_be_a_series_in_the_order_of_the_units():
+    for index in (["S1", "S2"], ["row 7", "row 9"], None):
+        scores = ph.score_probabilities(TWO, pd.Series(["C1", "C2"], index))
+        assert scores["truth"].values.tolist() == ["C1", "C2"]
+    default = ph.score_probabilities(NAMED, pd.Series(["A", "B"]))
+    assert default["truth"].values.tolist() == ["A", "B"]
 
 
 def test_wrong_input_is_refused_with_the_unit():
@@ -110,6 +119,8 @@ def test_wrong_input_is_refused_with_the_unit():
         (NAMED - 0.1, ["A", "A"], "unit 1: the probabilities"),
         (NAMED.assign_coords(class_label=["A", "A"]), ["A", "A"], "each class once"),
         (NAMED, xr.DataArray(["A", "A"], {"unit": [2, 1]}), "and truth differ in 'unit'"),
+        (NAMED, pd.Series(["A", "A"], [2, 1]), "and truth differ in 'unit'"),
+        (TWO, pd.Series(["C1", "C2"], ["S2", "S1"]), "and truth differ in 'specimen'"),
     ):
         with pytest.raises(ValueError, match=message):
             ph.score_probabilities(probability, truth)

@@ -156,6 +156,15 @@ def test_specimens_with_single_points_warn(written):
     written("sample,test,radius_mm,p_kPa\nS1,1,7.2,1\nS2,1,7.2,1\nS2,1,8.4,6\n")
 
 
+def test_pressure_that_falls_at_each_larger_radius_warns():
+    """A balloon, whose pressure falls after it has risen, and small errors do not."""
+    with pytest.warns(UserWarning, match="experiment 1: the pressure falls .* from 20 to 1 kPa"):
+        build(curve(pressure=PRESSURE[::-1]))
+    for pressure in (PRESSURE * (21 - PRESSURE) / 10 - 1.5, np.linspace(10.1, 9.9, 10)):
+        build(curve(pressure=pressure))
+    build(curve(radius=RADIUS[::-1], pressure=PRESSURE[::-1]))
+
+
 def test_guide_states_all_plausible_ranges():
     page = PAGE.read_text(encoding="utf-8")
     for expected in PLAUSIBLE.values():

@@ -409,7 +409,7 @@ def test_unreadable_input_is_refused_with_what_to_do(written, tmp_path):
     assert "'Avg P (kPa)', which is pressure, has no entry in any line" in message
     assert "no column pressure" not in message
     of_sheets = "specimen,test,lambda1,P11 [kPa]\nS1,1,1.1,5\nS1,1,1.2,9\n"
-    words = "points of sheets have columns such as stretch_x and stress_x"
+    words = "points of sheets have columns such as stretch_x, and cauchy_stress_x, nominal_stress_x"
     assert words in message_of(written, of_sheets)
     assert words not in message_of(written, f"{HEAD}\n{ROWS}".replace("pressure_kPa", "P11 [kPa]"))
     assert "is an address, not a path" in message_of(ph.read_tests, "https://example.org/a.csv")

@@ -54,6 +54,18 @@ def test_cells_of_a_workbook_that_are_not_numbers_are_refused_with_their_line(tm
     assert message.startswith("b.xlsx: line 1 stands above the names of the columns, which are in")
 
 
+def test_texts_with_commas_among_numbers_of_a_workbook_are_refused(tmp_path):
+    """Excel shows the numbers with commas, too, so that a message about them would mislead."""
+    rows = [POINTS[1], ["S1", 1, "7,25", "1,5"], ["S1", 1, 8.125, "6,25"]]
+    message = message_of(ph.read_tests, workbook(tmp_path / "a.xlsx", points=rows))
+    assert "'8.125'" not in message
+    for cell in ("line 2: 'radius [mm]' is '7,25'", "line 2: 'p (kPa)' is '1,5'"):
+        assert f"{cell}, not a number with decimal points" in message
+    texts = [POINTS[1], ["S1", 1, "7,25", "1,5"], ["S1", 1, "8,125", 6]]
+    path = workbook(tmp_path / "b.xlsx", points=texts, tubes=TUBES)
+    assert ph.read_tests(path)["radius"].values.tolist() == [7.25, 8.125]
+
+
 def test_damaged_or_too_large_workbook_is_refused(tmp_path):
     path = workbook(tmp_path / "a.xlsx", points=POINTS[1:])
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:

@@ -189,3 +189,21 @@ def test_improper_prior_warns_and_uses_quadrature_of_32_nodes():
     with pytest.raises(ValueError, match=r"cannot be drawn from.*mode='quadrature'"):
         forward_model(ph.Ogden(), data, priors, mode="collocation")
     assert forward_model(ph.Ogden(), data, priors, mode="quadrature").integrator.order == 32
+
+
+def test_parameter_that_is_data_warns_and_follows_a_change_of_the_data():
+    """The range of ``pm.Data`` is unknown: walls are integrated with 32 nodes, and are exact."""
+    data = shared_errors.dataset()
+
+    def log_density(model):
+        return model.compile_logp()({"mu_interval__": 0.0})
+
+    with pm.Model() as own:
+        priors = {"mu": pm.Uniform("mu", 0, 50), "alpha": pm.Data("alpha", 4.0)}
+        with pytest.warns(UserWarning, match=r"cannot be drawn from \(alpha depends on no random"):
+            ph.inflation_model(ph.Ogden(), data, 0.5, priors=priors, name="tube")
+        pm.set_data({"alpha": 9.0})
+    with pm.Model() as expected:
+        parameters = {"mu": pm.Uniform("mu", 0, 50), "alpha": 9.0}
+        ph.inflation_likelihood("tube", ph.Ogden(), data, 0.5, parameters, mode="quadrature")
+    np.testing.assert_allclose(log_density(own), log_density(expected), rtol=1e-9)

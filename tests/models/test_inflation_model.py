@@ -102,7 +102,7 @@ def test_log_densities_of_two_tubes_in_one_model_add_up():
     """The tubes differ in data, law and dimensions; only the second one has a prefix."""
     short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
     forces = curves(forces=[30.0, np.nan, 40.0, 50.0])
-    with_forces = ph.Gaussian(0.5, force_sd=3.0, observed=True)
+    with_forces = ph.Gaussian(0.5, force_sd=3.0, force_offset_sd=2.0, observed=True)
     with pm.Model() as own:
         x = pm.Normal("x")
         part = ph.inflation_model(OGDEN, short, OBSERVED)
@@ -112,6 +112,7 @@ def test_log_densities_of_two_tubes_in_one_model_add_up():
     assert own.named_vars_to_dims["two::pressure"] == ("two::obs",)
     assert len(own.coords["obs"]) == 3 and len(own.coords["two::obs"]) == 4
     assert own.named_vars_to_dims["two::measured_axial_force"] == ("two::force_obs",)
+    assert own.named_vars_to_dims["two::force_offset_mean"] == ("two::test",)
     one = ph.inflation_model(OGDEN, short, OBSERVED)
     two = ph.inflation_model(ph.Demiray(), forces, with_forces)
     points = one.initial_point(), two.initial_point()

@@ -25,6 +25,7 @@ NEO_HOOKEAN = ph.Layer(ph.NeoHookean(), 1.0)
 RADIUS, HALF = pm.Uniform.dist(6, 7), pm.HalfNormal.dist()
 TWICE, THICK = (RADIUS, HALF) * 2, curves(outer_radius=None)
 SLOPED, PLAIN = ph.SlopeAugmented, ph.Gaussian
+SIGNED = pm.Normal.dist(0.5, 0.3)
 EXTENDED = shared_errors.EXTENDED
 
 
@@ -109,6 +110,7 @@ TYPE_ERRORS = [
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
     (lambda: inside(lambda mu: prior(pm.LogNormal.dist(mu, 1))), "depends on the random variable"),
     (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|independent"),
+    (lambda: inside(lambda _: model(name=1)), "name is 1|'artery'"),
     (ph.sample_smc, "no model is given|in context"),
     (lambda: ph.force_offsets(curves()), "DataTree"),
 ]
@@ -131,6 +133,9 @@ VALUE_ERRORS = [
     (lambda: potential(likelihood=PLAIN(1.0, observed=True)), "observed=True|ph.inflation_model"),
     (lambda: fit(likelihood=PLAIN(1.0, observed=True)), "omit observed=True"),
     (lambda: fit(likelihood=PLAIN(radius_sd=0.1)), "error in the pressure"),
+    (lambda: model(likelihood=SIGNED), "'pressure_sd' has draws such as -|positive numbers"),
+    (lambda: fit(likelihood=SIGNED), "'pressure_sd' has draws such as -|positive numbers"),
+    (lambda: inside(lambda mu: model(likelihood=mu - 1, name="x")), "'pressure_sd' has draws"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offsets of the force transducer"),
     # Priors.
     (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']|'thickness'"),
@@ -165,7 +170,7 @@ VALUE_ERRORS = [
     # Populations.
     (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|positive prior_range"),
     (
-        lambda: population(likelihood=pm.Normal.dist(0.5, 0.3)),
+        lambda: population(likelihood=SIGNED),
         "'pressure_sd' has draws such as -",
     ),
     (lambda: ph.Variability(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),

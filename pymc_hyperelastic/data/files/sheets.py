@@ -240,6 +240,9 @@ def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[D
     decimal, either = decimal_of(cells)
     if settings.decimal:
         return cast(Decimal, settings.decimal), []
+    # Cells of a workbook that are numbers have points: those with a comma are texts, and are wrong.
+    if not sheet.separator and any("." in c and number(c, ".") is not None for c in cells):
+        return ".", []
     # Between semicolons commas are decimal, or there would be commas between the cells.
     if not either or sheet.separator == ";":
         return decimal, []

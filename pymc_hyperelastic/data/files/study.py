@@ -128,7 +128,8 @@ def _missing(
             if others
         )
         of_sheets = (
-            "; points of sheets have columns such as stretch_x and stress_x"
+            "; points of sheets have columns such as stretch_x, and cauchy_stress_x, "
+            "nominal_stress_x or force_x"
             if {("pressure",), MEASURED} <= {*lacking}
             else ""
         )

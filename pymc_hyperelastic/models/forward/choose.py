@@ -8,9 +8,11 @@ import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
+from pytensor.graph.traversal import ancestors
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
+from pymc_hyperelastic.evidence.batched import is_random
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
@@ -110,6 +112,9 @@ def draws_of_prior(wall: WallVariables, tests: int) -> WallVariables:
     random, or cannot be drawn from.
     """
     wall, rng = wall.mapped(lambda value: value), np.random.default_rng(1)  # by entries of vectors
+    for value in wall.unknown:  # such as pm.Data, which may be set to any value later
+        if not any(map(is_random, ancestors([value]))):
+            raise NotImplementedError(f"{value} depends on no random variable")
     draws = draws_of(wall.unknown, _DRAWS) if wall.unknown else []
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
     return wall.with_values(values, tests)

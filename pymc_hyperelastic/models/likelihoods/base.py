@@ -1,8 +1,9 @@
 """Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields, replace
-from functools import reduce
+from functools import lru_cache, reduce
 from itertools import compress
 from math import sqrt
 from operator import add
@@ -10,6 +11,7 @@ from typing import Any, ClassVar, Self
 
 import pymc as pm
 import xarray as xr
+from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_data
@@ -41,6 +43,7 @@ from pymc_hyperelastic.models.likelihoods.stresses import (
 from pymc_hyperelastic.models.priors import (
     check_prior,
     is_inferred,
+    positive_draws,
     prior_from_record,
     prior_to_record,
     register_priors,
@@ -48,6 +51,8 @@ from pymc_hyperelastic.models.priors import (
 
 # Variables of a model that hold the posterior moments of each test's offset.
 OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
+# Draws of an inferred size: hardly any sample misses values with a probability of 0.5 %.
+_DRAWS = 1000
 
 
 @dataclass(frozen=True, repr=False)
@@ -178,6 +183,8 @@ class Likelihood:
         """
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
+        for name, size in self.unknowns.items():
+            _check_positive(name, size)
         check_data(data)
         tubes, sheets = tubes_of(data), sheets_of(data)
         _check_errors_of(self, tubes, sheets)
@@ -236,7 +243,7 @@ class Likelihood:
                 register(part, curves, errors, points_of_part(tests, part, dims))
             if self.with_offset and not part.of_sheets:
                 moments = posterior_of_offsets(part, curves, errors)
-                own = points_of_part(tests, part, "test")
+                own = points_of_part(tests, part, pm.modelcontext(None).name_for("test"))
                 for name, value in zip(OFFSET_VARIABLES, moments, strict=True):
                     pm.Deterministic(name, value, dims=own)
 
@@ -318,6 +325,17 @@ class Likelihood:
         arguments = [f"{name}={_text(name, value)}" for name, value in self.sizes.items()]
         arguments += ["observed=True"] * self.observed
         return f"{type(self).__name__}({', '.join(arguments)})"
+
+
+@lru_cache(maxsize=16)
+def _check_positive(name: str, size: TensorVariable) -> None:
+    """Raise ValueError if an inferred size has draws that are not positive.
+
+    Densities hold squares of sizes, so that a negative size would count as a second mode. A size
+    with a flat prior cannot be drawn, and is not checked.
+    """
+    with suppress(MissingInputError, NotImplementedError):
+        positive_draws(name, size, _DRAWS)
 
 
 def _check_errors_of(
