@@ -18,6 +18,9 @@ from pymc_hyperelastic.evidence.weights import (
 
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
+# Places to which a mixture is fitted, at least, if particles have visited as many: that of a few
+# hundred would be a single normal distribution.
+_FITTED_PLACES = 2000
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,9 @@ class TemperedSMC:
         """Fit the mixture that proposes moves to the places of the stage before the last one.
 
         Fitted to the particles that it then moves, it would draw them back to their places. The
-        first stage has the mixture of the reference, or without one fits its own particles.
+        first stage has the mixture of the reference, or without one fits its own particles. At
+        later stages half of the mixture is that of the reference, which has more components, and
+        reaches where no particle has been.
         """
         before, self._before = self._before, (self._places, self._last_beta)
         if before is None and self.path.reference is not None:
@@ -173,11 +178,13 @@ class TemperedSMC:
         power, possible = self.beta - beta, ratio > -np.inf
         log_weights = np.where(possible, power * np.where(possible, ratio, 0.0), -np.inf)
         weights = np.exp(log_weights - logsumexp(log_weights))
-        to_fit = points[systematic(weights, self.draws, self.rng)]
-        components = components_for(self.draws, self.dimension)
-        start = next((m for m in self.mixtures[-1:] if len(m.means) == components), None)
-        mixture = GaussianMixture.fit(to_fit, components, self.rng, start=start)
-        self.mixtures.append(mixture.heavy_tailed())
+        count = min(len(points), max(self.draws, _FITTED_PLACES))
+        to_fit = points[systematic(weights, count, self.rng)]
+        components = components_for(count, self.dimension)
+        mixture = GaussianMixture.fit(to_fit, components, self.rng).heavy_tailed()
+        if self.path.reference is not None:
+            mixture = mixture.joined(self.path.reference.mixture)
+        self.mixtures.append(mixture)
 
     @np.errstate(all="ignore")  # a proposal may be so wild that it overflows
     def move(self) -> None:
