@@ -296,8 +296,7 @@ def _studied(kind: HierarchicalClass, pilot: _Pilot, sizes: Sequence[int], rng: 
     # default prior, and `scatter` gives it the mode.
     weight = np.mean((spread / kind.scale.location_prior[1]) ** 2)
     freedom = 1 / (2 * kind.scale.spread_prior[1] ** 2)
-    error = np.diagonal(pilot.errors, axis1=1, axis2=2).mean(axis=0)
-    scatter = freedom * np.diag(spread**2 + error)
+    scatter = freedom * np.diag(spread**2 + pilot.errors.mean(axis=0).diagonal())
     middles, scales = [], []
     for n in sizes:
         x = specimens[:, :, :n]
@@ -334,7 +333,8 @@ def _locations(posteriors: _Known, draws: int, rng: Any) -> Array:
 def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.Dataset:
     """Summarise draws of differences, (comparison, quantity, size, study, draw), over studies."""
     tail = (1 - ci_prob) / 2
-    low, middle, high = np.nanquantile(found, [tail, 0.5, 1 - tail], axis=-1)
+    # Linear interpolation between few draws makes intervals too narrow: by 3 % for 200 draws.
+    low, middle, high = np.nanquantile(found, [tail, 0.5, 1 - tail], -1, method="median_unbiased")
     dims = "comparison", "quantity", "specimens", "study"
     truth = np.broadcast_to(truth[:, :, None], low.shape)
     above, below = low > relevant, high < -relevant
