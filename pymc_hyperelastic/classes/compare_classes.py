@@ -391,19 +391,9 @@ def _described(
         pressure_unit=at.pressure_unit,
         interval=ci_prob,
         compared=count,
-        words=_words_on_number(count, ci_prob),
-    )
-
-
-def _words_on_number(count: int, ci_prob: float) -> str:
-    """Return a sentence on the number of comparisons, and on intervals that exclude 0 by chance."""
-    chance, interval = f"{count * (1 - ci_prob):.2g}", f"{100 * ci_prob:.3g} %"
-    if count == 1:
-        return (
-            f"1 difference was compared: if the groups do not differ, its {interval} interval "
-            f"excludes 0 with a probability of {chance}"
-        )
-    return (
-        f"{count} differences were compared without a correction for multiple comparisons: if "
-        f"no groups differ, {chance} of their {interval} intervals are expected to exclude 0"
+        words=(
+            f"differences compared, without a correction for multiple comparisons: {count}. If no "
+            f"groups differ, {count * (1 - ci_prob):.2g} of their {100 * ci_prob:.3g} % intervals "
+            "are expected to exclude 0"
+        ),
     )

@@ -273,8 +273,8 @@ def test_stored_energy_change_needs_only_a_pressure_range(classes):
     between = ph.Conditions(pressure_range=(0.2, 0.4))
     compared = compare(classes, "stored_energy_change", at=between, **few)
     assert compared.attrs["words"] == (
-        "1 difference was compared: if the groups do not differ, its 95 % interval excludes 0 with "
-        "a probability of 0.05"
+        "differences compared, without a correction for multiple comparisons: 1. If no groups "
+        "differ, 0.05 of their 95 % intervals are expected to exclude 0"
     )
     found = compared["draws"]
     typical = {"statistic": "typical"}
