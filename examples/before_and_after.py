@@ -24,6 +24,10 @@ animals do not decide. If the animals are treated as different ones, the interva
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
 them. Save it beside this script; it states where it looks for the tables.
+
+**The output and figures below are older than the code.** In them, an error of the thickness keeps
+the inner radius of the opened sector. It now keeps the outer radius of the closed ring, which was
+measured.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/before_and_after/the_same_animals.png"

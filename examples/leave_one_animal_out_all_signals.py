@@ -32,6 +32,10 @@ mean log score is −0.54 ± 0.13, a little better than a coin toss; that of Ogd
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
 them. Save it beside this script; it states where it looks for the tables.
+
+**The output and figures below are older than the code.** In them, an error of the thickness keeps
+the inner radius of the opened sector. It now keeps the outer radius of the closed ring, which was
+measured.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/leave_one_animal_out_all_signals/true_class.png"
