@@ -18,16 +18,13 @@ the change.
 
 **Results.** Axial stress, axial stiffness and stored energy fell in most animals. In the
 circumferential direction no change was found, but a change of a quarter or more is not excluded.
-All 95 % intervals contain zero, and the Bayes factor of "different" over "the same" is 1: eight
-animals do not decide. If the animals are treated as different ones, the intervals are wider.
+Of seven 95 % intervals only that of the axial stress excludes zero, and the log Bayes factor of
+"different" over "the same" is −0.3 ± 0.2: eight animals do not decide. If the animals are treated
+as different ones, the intervals are wider.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
 them. Save it beside this script; it states where it looks for the tables.
-
-**The output and figures below are older than the code.** In them, an error of the thickness keeps
-the inner radius of the opened sector. It now keeps the outer radius of the closed ring, which was
-measured.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/before_and_after/the_same_animals.png"
