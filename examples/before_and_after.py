@@ -18,9 +18,9 @@ the change.
 
 **Results.** Axial stress, axial stiffness and stored energy fell in most animals. In the
 circumferential direction no change was found, but a change of a quarter or more is not excluded.
-Of seven 95 % intervals only that of the axial stress excludes zero, and the log Bayes factor of
-"different" over "the same" is −0.3 ± 0.2: eight animals do not decide. If the animals are treated
-as different ones, the intervals are wider.
+Only the 95 % interval of the axial stress excludes zero, and the log Bayes factor of "different"
+over "the same" is −0.3 ± 0.2: eight animals do not decide. If the animals are treated as different
+ones, the intervals are wider.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
