@@ -84,9 +84,9 @@ def reference_tube(rows: Rows, tube: Tube, numbers: dict[str, Array]) -> dict[st
 def kept_circle(tube: Tube, numbers: dict[str, Array], opening_angle: Array) -> Array:
     """Return the circle in the wall of each sector that a thicker wall would keep.
 
-    It is a fraction of the wall: 0 is the inner radius, which is kept, and 1 the outer radius. That
-    one is kept if it was stated with a measure of the wall. A ring keeps one of its own radii, and
-    its middle line grows by the opening factor when it opens.
+    Its place is a fraction of the wall: 0 at the inner radius, 1 at the outer radius. The inner
+    radius is kept, or the outer one if that was stated with a measure of the wall. A ring keeps one
+    of its own radii, and its middle line grows by the opening factor when it opens.
     """
     outer = bool(stated_wall(tube)) and bool(np.isnan(numbers["inner_radius"]).all())
     from_middle = 0.5 if outer else -0.5
@@ -95,8 +95,8 @@ def kept_circle(tube: Tube, numbers: dict[str, Array], opening_angle: Array) -> 
     return np.full(len(opening_angle), 0.5 + factor * from_middle)
 
 
-def kept_circles(data: xr.Dataset) -> Array:
-    """Return the :func:`kept_circle` of each test; it is the inner radius if data do not say it."""
+def kept_circle_of(data: xr.Dataset) -> Array:
+    """Return the :func:`kept_circle` of each test of data; by default it is at the inner radius."""
     if "kept_circle" not in data.variables:
         return np.zeros(data.sizes["test"])
     return np.nan_to_num(data["kept_circle"].values.astype(float))

@@ -97,8 +97,8 @@ def _doubt_falling(data: xr.Dataset, problems: Problems) -> None:
                 "fall",
                 place_of_test(data, int(test)),
                 f"the pressure falls at each larger radius, from {pressure[0]:.6g} to "
-                f"{pressure[-1]:.6g} kPa: was one of both columns sorted by itself, or a sign "
-                "exchanged?",
+                f"{pressure[-1]:.6g} kPa: was one of the two columns sorted alone, or is a sign "
+                "wrong?",
             )
 
 

@@ -189,23 +189,22 @@ def _warn_of_phases(data: xr.Dataset) -> None:
 
 
 def _warn_of_cycles(data: xr.Dataset) -> None:
-    for specimen, own in units_of(data, "specimen").items():
-        found: dict[Hashable, list[Any]] = {}
-        for test in own:
-            experiment, cycle = (data[name].values[test].item() for name in ("experiment", "cycle"))
-            found.setdefault(experiment, []).append(cycle)
-        for experiment, repeated in found.items():
-            cycles = [*dict.fromkeys(repeated)]
-            if len(cycles) > 1:
-                warnings.warn(
-                    f"specimen {shown(specimen)}, experiment {shown(experiment)} has the cycles "
-                    f"{listed(cycles)}, which are used together as independent tests; cycles of "
-                    "one experiment are not independent, so that the posterior is too narrow, and "
-                    "the first ones precondition the tissue: choose the last one, cycles='last' "
-                    f"or ph.select(data, cycle={shown(cycles[-1])})",
-                    skip_file_prefixes=(PACKAGE,),
-                )
-                return
+    labels = (data[name].values.tolist() for name in ("specimen", "experiment", "cycle"))
+    found: dict[tuple, list[Hashable]] = {}
+    for *names, cycle in zip(*labels, strict=True):
+        found.setdefault(tuple(names), []).append(cycle)
+    for (specimen, experiment), repeated in found.items():
+        cycles = [*dict.fromkeys(repeated)]
+        if len(cycles) > 1:
+            warnings.warn(
+                f"specimen {shown(str(specimen))}, experiment {shown(experiment)} has the cycles "
+                f"{listed(cycles)}, which are used together as independent tests; cycles of one "
+                "experiment are not independent, so that the posterior is too narrow, and the "
+                "first ones precondition the tissue: choose the last one, cycles='last' or "
+                f"ph.select(data, cycle={shown(cycles[-1])})",
+                skip_file_prefixes=(PACKAGE,),
+            )
+            return
 
 
 def _inventory(data: xr.Dataset) -> str:

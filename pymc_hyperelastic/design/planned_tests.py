@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.quantities import complete_conditions
-from pymc_hyperelastic.data.geometry import kept_circles
+from pymc_hyperelastic.data.geometry import kept_circle_of
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import combine_tests, sheets_of, tubes_of
 from pymc_hyperelastic.data.units import to_internal
@@ -65,7 +65,7 @@ class Defaults(NamedTuple):
             names = ("inner_radius", "outer_radius", "opening_angle")
             tube |= {name: float(own[name].values[0]) for name in names}
         if not set(WALL).isdisjoint(kind.geometry):
-            kept = [kept_circles(data) for data in (datasets if given is None else [given])]
+            kept = [kept_circle_of(data) for data in (datasets if given is None else [given])]
             tube["kept_circle"] = float(np.median(np.concatenate(kept)))
         sds = {n: _sd_of(n, measured.sd, datasets) for n, measured in kind.geometry.items()}
         sheets = [own for data in datasets if (own := sheets_of(data)) is not None]

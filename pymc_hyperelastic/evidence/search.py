@@ -27,9 +27,9 @@ _MOST_TRIED = 50
 # Probes of one stage for each unknown: a narrow mode is met by one point in many thousands, and
 # given away by its weight.
 _PROBES = 20_000
-# Stages of tempering from the prior, at most: 50 unknowns, each known to 0.001 of
-# its prior's width, need 90, and 300 unknowns about 250. A posterior that is
-# thousands of prior standard deviations away would need thousands, and is found from its modes.
+# Stages of tempering from the prior, at most: 50 unknowns, each known to 0.001 of its prior's
+# width, need 90, and 300 unknowns about 250. A posterior that is thousands of prior standard
+# deviations away would need thousands, and is found from its modes.
 _MOST_STAGES = 500
 # Numbers that are computed for the probes of a stage, at most: they take about a second.
 _PROBED_NUMBERS = 8_000_000

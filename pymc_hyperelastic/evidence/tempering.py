@@ -18,8 +18,8 @@ from pymc_hyperelastic.evidence.weights import (
 
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
-# Places to which a mixture is fitted, at least, if particles have visited as many: that of a few
-# hundred would be a single normal distribution.
+# Places to which a mixture is fitted, at least, if particles have visited as many: with a few
+# hundred it would have a single component.
 _FITTED_PLACES = 2000
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 
-from pymc_hyperelastic.data.geometry import kept_circles
+from pymc_hyperelastic.data.geometry import kept_circle_of
 from pymc_hyperelastic.data.inflation import (
     at_points,
     describe_test,
@@ -216,7 +216,7 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, MeasuredValue], laye
             "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
         )
     walls = [name for name in WALL if name in measured]
-    if walls and "inner_radius" in measured and kept_circles(data).any():
+    if walls and "inner_radius" in measured and kept_circle_of(data).any():
         raise ValueError(
             f"errors are given of inner_radius and {walls[0]}, but the inner radius follows from "
             f"the measured outer radius, or from the ring: give that of {walls[0]} alone"
@@ -308,7 +308,7 @@ def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> d
     first = np.unique(specimens_of(data)[1], return_index=True)[1]
     points = [points_of(data, int(test)).start for test in first]
     tube: dict[str, Any] = {name: at_points(data, name)[points] for name in GEOMETRY}
-    tube["kept_circle"] = kept_circles(data)[first]
+    tube["kept_circle"] = kept_circle_of(data)[first]
     for name, sd in errors.items():
         tube[f"{name}_sd"] = data[f"{name}_sd"].values[first] if sd is None else np.float64(sd)
     return tube
@@ -339,7 +339,7 @@ def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dic
 
 
 def changed_measures(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
-    """Return those measures of a :func:`deviated_tube` that are not as in the measured one."""
+    """Return those measures of a :func:`deviated_tube` that deviate from the measured ones."""
     trial = deviated_tube(tube, dict.fromkeys(deviations, 1.0))
     return {
         name: values

@@ -138,7 +138,7 @@ def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Arr
 def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Logarithm of the density of each draw, averaged over draws of a class distribution."""
     densities = log_densities(draws, distributions)
-    if len(densities) == 1:  # as that of the reference, at each step of an optimisation
+    if len(densities) == 1:  # the reference, which is evaluated at each step of an optimisation
         return densities[0]
     return logsumexp(densities, axis=0) - np.log(len(densities))
 

@@ -203,10 +203,9 @@ class Study:
     def _count_measured_values(self, data: xr.Dataset) -> int:
         """Count the values that the likelihood uses, less one force for each unknown offset."""
         assert self.likelihood is not None
-        count = sum(int(data[name].count()) for name in ("pressure", *STRESSES) if name in data)
-        if self.likelihood.with_force and "axial_force" in data:
-            forces = np.bincount(data["test"].values[data["axial_force"].notnull().values])
-            count += int((forces - int(self.likelihood.with_offset)).clip(0).sum())
+        count = self.likelihood.count(data)
+        if self.likelihood.with_offset and "axial_force" in data:
+            count -= len(np.unique(data["test"].values[data["axial_force"].notnull().values]))
         return count
 
     def _fixed(self, model: pm.Model) -> set[str]:

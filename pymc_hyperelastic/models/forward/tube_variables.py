@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.geometry import kept_circles
+from pymc_hyperelastic.data.geometry import kept_circle_of
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.layers import LayeredTube, tube_of
 from pymc_hyperelastic.mechanics.reference_tube import WALL
@@ -33,7 +33,7 @@ def tube_inputs(data: xr.Dataset, errors: GeometrySd) -> Arrays:
     """Return the measured geometry, its errors, and the measured current radius at each point."""
     inputs = {name: at_points(data, name) for name in GEOMETRY}
     if not set(WALL).isdisjoint(dict(errors)):
-        inputs["kept_circle"] = kept_circles(data)[data["test"].values]
+        inputs["kept_circle"] = kept_circle_of(data)[data["test"].values]
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
     inputs[name] = measured_radius(data).values.astype(float)
     for name, sd in errors:

@@ -51,7 +51,7 @@ from pymc_hyperelastic.models.priors import (
 
 # Variables of a model that hold the posterior moments of each test's offset.
 OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
-# Draws of an inferred size: hardly any sample misses values with a probability of 0.5 %.
+# Draws of an inferred size: they miss values of probability 0.5 % one time in 150.
 _DRAWS = 1000
 
 
