@@ -43,6 +43,7 @@ class GaussianMixture:
     ) -> "GaussianMixture":
         """Fit by expectation maximisation, from `start` or from distinct points drawn far apart."""
         mixture = start
+        floor = np.diag(variance_floor(points.var(axis=0)))
         for _ in range(iterations if components > 1 else 1):
             if mixture is None:
                 responsibilities = _nearest_of_far_apart(points, components, rng)
@@ -58,7 +59,6 @@ class GaussianMixture:
             centred = points.T - means[..., None]
             weighted = responsibilities.T[:, None] * centred
             covariances = weighted @ centred.mT / counts[:, None, None]
-            floor = np.diag(variance_floor(points.var(axis=0)))
             factors = np.linalg.cholesky(covariances + floor)
             mixture = cls(np.log(counts / counts.sum()), means, factors)
         assert mixture is not None
@@ -187,8 +187,14 @@ def components_for(points: float, dimension: int) -> int:
 
     There are six at most, and two as soon as that is possible: for two mirrored modes.
     """
+    known = 6 * points / points_for_most(dimension)
+    return 1 if known < 1 else int(np.clip(known, 2, 6))
+
+
+def points_for_most(dimension: int) -> int:
+    """Number of points from which a mixture has the largest number of components."""
     parameters = (dimension + 1) * (dimension + 2) // 2
-    return 1 if points < 10 * parameters else int(np.clip(points / (10 * parameters), 2, 6))
+    return 6 * 10 * parameters
 
 
 def log_sum_exp(terms: Array) -> Array:

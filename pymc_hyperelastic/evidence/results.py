@@ -29,6 +29,7 @@ has the groups
 
 import json
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from typing import Any, Protocol
 
@@ -145,10 +146,16 @@ def sampling_tree(
         }
     )
     tree["sample_stats"].attrs.update(settings)
-    tree.attrs["versions"] = json.dumps({name: version(name) for name in _PACKAGES})
+    tree.attrs["versions"] = _versions()
     tree.attrs["random_seed"] = json.dumps(random_seed)
     tree.attrs |= study.result_attrs(model) if study else {}
     return tree
+
+
+@cache
+def _versions() -> str:
+    """Return the versions of the packages that compute results, as JSON."""
+    return json.dumps({name: version(name) for name in _PACKAGES})
 
 
 def thinned_draws(tree: xr.DataTree, most: int) -> xr.DataTree:
