@@ -230,6 +230,13 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
             limit = max(_NATS, LARGEST_DEVIATION * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(check_small(name, gap, limit, limit, words))
+    if (missing := 1 - float(evidence.get("forward_beta", 1.0))) > 0:
+        words = (
+            "the posterior is so far from the prior that tempering from the prior was given up, "
+            "and the evidence was compared with no other: does a prior contradict the data, in its "
+            "value, its width or its unit?"
+        )
+        checks.append(check_small("prior's side", missing, 0.0, 1.0, words))
     if "unmet" in evidence:
         share = float(evidence["unmet"])
         words = (

@@ -1,6 +1,5 @@
 """A kernel for PyMC's sequential Monte Carlo that scores all particles in one call."""
 
-import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -14,7 +13,6 @@ from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target, check_possible
 from pymc_hyperelastic.evidence.tempering import Settings, TemperedSMC
-from pymc_hyperelastic.messages import PACKAGE
 
 # Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
@@ -177,13 +175,6 @@ class BatchedSMC(SMC_KERNEL):
     def find_reference(self, rng: np.random.Generator) -> None:
         """Find the reference from which chains start, if they start from one."""
         self.search = find_reference(self.target, rng) if self.from_modes else None
-        if self.search and self.search.far:
-            warnings.warn(
-                "the posterior is so far from the prior that tempering from the prior was given "
-                "up: chains start from the modes, and the evidence was not compared with one from "
-                "the prior. Does a prior contradict the data, in its value, its width or its unit?",
-                skip_file_prefixes=(PACKAGE,),
-            )
 
     def temper(
         self,

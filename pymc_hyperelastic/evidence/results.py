@@ -12,14 +12,14 @@ has the groups
     stages whose particles had not forgotten their places; ``ancestor_fraction``, the fraction of
     first particles that have descendants; ``pareto_k``, the Pareto shape of weights; for a class
     with variability the ``method``. Of all chains: ``forward``, the evidence by tempering from the
-    prior alone; ``at_modes``, the evidence from the modes, with the shape ``at_modes_k`` of its
-    weights, and the ``log_masses`` of the modes; ``at_bounds``, the log evidence of what lies at
-    bounds of priors; ``unmet``, the share of other particles that the reference lacks; and
-    ``at_limit``, the share of the posterior within 1 % of each limit of a prior. Models of curves
-    add ``curve_error``, the largest error of the posterior's curves, relative to the largest value
-    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; the
-    number of ``points``, by test and signal; and those of material ``parameters`` and of
-    ``measured_values``.
+    prior alone, and ``forward_beta``, 1 unless that was given up; ``at_modes``, the evidence from
+    the modes, with the shape ``at_modes_k`` of its weights, and the ``log_masses`` of the modes;
+    ``at_bounds``, the log evidence of what lies at bounds of priors; ``unmet``, the share of other
+    particles that the reference lacks; and ``at_limit``, the share of the posterior within 1 % of
+    each limit of a prior. Models of curves add ``curve_error``, the largest error of the
+    posterior's curves, relative to the largest value of each; ``chi_square``, the squared residuals
+    of the best curve in variances of the noise; the number of ``points``, by test and signal; and
+    those of material ``parameters`` and of ``measured_values``.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``

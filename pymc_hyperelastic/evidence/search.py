@@ -49,8 +49,6 @@ class Search(NamedTuple):
     evidence: xr.Dataset
     """Variables of the group ``evidence``, see ``results.py``: standard errors are infinite where
     particles moved too little, or where too few weights are effective."""
-    far: bool
-    """True if tempering from the prior was given up before it arrived at the posterior."""
 
 
 @np.errstate(all="ignore")  # an optimisation or a proposal may be so wild that it overflows
@@ -89,6 +87,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         {
             "forward": forward.log_evidence + share.value,
             "forward_se": forward_error if trusted else np.inf,
+            "forward_beta": forward.beta,
             "at_modes": at_modes.value,
             "at_modes_se": at_modes.standard_error if at_modes_k < LARGEST_PARETO_K else np.inf,
             "at_modes_k": at_modes_k,
@@ -104,7 +103,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         evidence["unmet"] = float(np.mean(lacking > _LACKING))
     if checked:
         evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
-    return Search(reference, evidence, far)
+    return Search(reference, evidence)
 
 
 def _possible_draws(

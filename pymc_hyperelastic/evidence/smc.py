@@ -67,8 +67,7 @@ def sample_smc(
     Warns
     -----
     UserWarning
-        If the evidence is doubtful or not to be trusted; if the posterior is hundreds of standard
-        deviations of the prior away from it; or after an interrupt.
+        If the evidence is doubtful or not to be trusted; or after an interrupt.
 
     Raises
     ------

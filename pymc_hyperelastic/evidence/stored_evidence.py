@@ -19,11 +19,12 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 # Dimensions of the variables of the group ``evidence``.
 _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "stages_capped", "ancestor_fraction", "pareto_k"), ("chain",)),
-    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se", "at_bounds", "unmet"), ()),
+    **dict.fromkeys(("forward", "forward_se", "forward_beta", "at_modes", "at_modes_se"), ()),
+    **dict.fromkeys(("at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
 # Variables without which an evidence, or its error, is unknown.
-_NEVER_NAN = ("log_evidence", "at_bounds", "unmet")
+_NEVER_NAN = ("log_evidence", "at_bounds", "unmet", "forward_beta")
 # Variables that are needed if another variable is there.
 _TOGETHER = {
     "ancestor_fraction": "stages_capped",
