@@ -147,7 +147,7 @@ class Classification:
             warnings.warn(
                 "interrupted: experiments not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
             )
-        result = _tabulate(predictions, self._prior, self.by, self.names)
+        result = tabulate(predictions, self._prior, self.by, self.names)
         result["error"] = (self.by, errors)
         if not self._has_p_value:
             result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
@@ -237,7 +237,7 @@ def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
             raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1, excluding 1")
 
 
-def _tabulate(
+def tabulate(
     predictions: Sequence[Sequence[Prediction]], prior: np.ndarray, by: str, names: Sequence[str]
 ) -> xr.Dataset:
     """Return predictions, by row and class, as tables with the probabilities of the classes."""
@@ -287,7 +287,7 @@ def _decide(
     names = result["class_label"].values.tolist()
     decision = np.array([names[j] for j in probability.argmax(axis=1)], dtype=object)
     decision[~(probability.max(axis=1) >= undecided_below)] = "undecided"
-    decision[_is_unreliable(result, prior)] = _UNJUDGED
+    decision[is_unreliable(result, prior)] = _UNJUDGED
     if "p_value" in result and none_below:
         p_value = result["p_value"].values.round(DIGITS)
         decision[np.isnan(p_value).any(axis=1)] = _UNJUDGED
@@ -298,7 +298,7 @@ def _decide(
     return xr.DataArray(decision.astype(str), dims=result["class_probability"].dims[:1])
 
 
-def _is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
+def is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
     """Return True for rows with an unreliable evidence that could change the decision."""
     with np.errstate(divide="ignore"):
         log_posterior = result["log_evidence"].values + np.log(prior)

@@ -15,6 +15,7 @@ from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws, labels_of
+from pymc_hyperelastic.classes.classification import is_unreliable, tabulate
 from pymc_hyperelastic.classes.fit import check_groups, manifest_of
 from pymc_hyperelastic.classes.interface import ClassKind, Fold, Groups
 from pymc_hyperelastic.classes.kinds import kind_of_settings
@@ -23,7 +24,7 @@ from pymc_hyperelastic.data.inflation import check_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, seed_kept
-from pymc_hyperelastic.evidence.verdicts import worst_of
+from pymc_hyperelastic.evidence.verdicts import BAD, worst_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.messages import PACKAGE
@@ -84,9 +85,11 @@ def cross_validate(
     Returns
     -------
     xarray.Dataset
-        ``class_probability`` and ``log_evidence`` (strain_energy, specimen, class_label), and
-        ``log_score``, ``brier_score`` and ``verdict`` (strain_energy, specimen), the last of which
-        is the reliability of the fits without the specimen. With variability also ``p_value``
+        ``class_probability`` and ``log_evidence``, with its standard error ``log_evidence_se``
+        (strain_energy, specimen, class_label), and ``log_score``, ``brier_score`` and ``verdict``
+        (strain_energy, specimen), the last of which is the reliability of the fits without the
+        specimen, or "not to be trusted" if an evidence of the specimen is unreliable, see
+        :func:`classify`. With variability also ``p_value``
         (strain_energy, specimen, class_label). With several strain energies, the last entry of
         ``strain_energy`` is ``"average"``, and the weights are ``strain_energy_probability``
         (strain_energy, specimen) with the standard errors ``strain_energy_probability_se``.
@@ -225,11 +228,12 @@ class _Results(NamedTuple):
     """Predictions of left-out specimens, shape (law, specimen, class); NaN if not yet computed."""
 
     log_evidence: Array
+    log_evidence_se: Array
     p_value: Array
     training: Array
     """Log evidence of all other specimens and its standard error, shape (law, specimen, 2)."""
     verdict: NDArray[np.str_]
-    """Reliability of the training evidence, shape (law, specimen)."""
+    """Reliability of the training evidence and of the prediction, shape (law, specimen)."""
 
 
 # Function of the number of a fold and of the specimens that it leaves out; its dataset holds the
@@ -244,6 +248,7 @@ def _leave_out_each(
     specimens, every_unit = list(units), list(dict.fromkeys(units.values()))
     shape = len(folds), len(specimens), len(names)
     found = _Results(
+        np.full(shape, np.nan),
         np.full(shape, np.nan),
         np.full(shape, np.nan),
         np.full((*shape[:2], 2), np.nan),
@@ -281,14 +286,13 @@ def _folds(
 
     def compute(left_out: Collection[str]) -> xr.Dataset:
         training, verdict, predictions = setup()(left_out, draws)
-        rows, dims = [*predictions.values()], ("specimen", "class_label")
-        values = [[p.log_evidence.value for p in row] for row in rows]
+        prior, rows = np.full(len(groups), 1 / len(groups)), [*predictions.values()]
+        table = tabulate(rows, prior, "specimen", [*groups]).assign(class_verdict=verdict)
         return xr.Dataset(
             {
-                "log_evidence": (dims, np.array(values)),
-                "p_value": (dims, np.array([[p.p_value for p in row] for row in rows])),
+                **table[["log_evidence", "log_evidence_se", "p_value"]],
                 "training": ("of_two", np.array(training)),
-                "verdict": verdict,
+                "verdict": ("specimen", np.where(is_unreliable(table, prior), BAD, verdict)),
             },
             {"specimen": [*predictions]},
         )
@@ -304,7 +308,7 @@ def _tabulate(
     units: Mapping[str, Hashable],
 ) -> xr.Dataset:
     """Return tables by law, specimen and class; with several laws also their average."""
-    value, p_value, training, verdict = found
+    value, error, p_value, training, verdict = found
     specimens = list(true_class)
     extra = {}
     if len(labels) > 1:
@@ -314,6 +318,10 @@ def _tabulate(
         ]
         log_laws = np.stack([laws.log_probability for laws in of_specimen], axis=1)
         averaged, laws = logsumexp(value + log_laws[..., None], axis=0), np.exp(log_laws)
+        shares = np.exp(value + log_laws[..., None] - averaged)
+        with np.errstate(invalid="ignore"):  # avoid 0 · inf: an infinite error remains
+            parts = np.where(np.isinf(error), np.inf, shares * error)
+        error = np.concatenate([error, np.linalg.norm(parts, axis=0)[None]])
         value = np.concatenate([value, averaged[None]])
         p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
         errors = np.stack([laws.probability_error for laws in of_specimen], axis=1)
@@ -329,6 +337,7 @@ def _tabulate(
         {
             "class_probability": (dims, softmax(value, axis=2)),
             "log_evidence": (dims, value),
+            "log_evidence_se": (dims, error),
             "p_value": (dims, p_value),
             "verdict": (dims[:2], verdict),
             **extra,

@@ -30,7 +30,7 @@ def _check(result: xr.Dataset, page: Page) -> None:
     for law in result["strain_energy"].values.tolist():
         own = result.sel(strain_energy=law)
         names, verdict = result["specimen"].values, own["verdict"]
-        words = f"the fit of {law} without it is"
+        words = f"the fit of {law} without it, or its own evidence, is"
         more = "Cross-validate again with more draws"
         page.notice_where(BAD, f"{words} {UNRELIABLE}", more, names, verdict == UNRELIABLE)
         page.notice_where(CAUTION, f"{words} {DOUBTFUL}", more, names, verdict == DOUBTFUL)

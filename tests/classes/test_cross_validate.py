@@ -12,6 +12,8 @@ from variable_classes import PRESSURE_SD, SEED, UNIT_PRESSURE, classify, curves,
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
+from pymc_hyperelastic.classes.interface import Fold, Prediction
+from pymc_hyperelastic.evidence.estimate import Estimate
 
 ROUNDING = 1e-12
 SPECIMENS = ["A1", "A2", "A3", "B1", "B2", "B3"]
@@ -84,6 +86,9 @@ def test_laws_are_weighted_by_the_evidence_of_the_remaining_specimens(report):
     value, p_value = report["log_evidence"].values, report["p_value"].values
     average = logsumexp(value[:2] + np.log(weights)[..., None], axis=0)
     np.testing.assert_allclose(value[2], average)
+    error, shares = report["log_evidence_se"].values, np.exp(value[:2] - average)
+    variance = ((shares * weights[..., None] * error[:2]) ** 2).sum(axis=0)
+    np.testing.assert_allclose(error[2] ** 2, variance)
     np.testing.assert_allclose(p_value[2], (weights[..., None] * p_value[:2]).sum(axis=0))
 
 
@@ -97,10 +102,8 @@ def test_left_out_specimen_has_the_evidence_of_a_fit_without_it(report):
     for name, specimen in (("soft", "A1"), ("stiff", "B1")):
         result = classify(ph.select(SMALL[name], specimen=specimen), classes).squeeze()
         mine = report.isel(strain_energy=0).sel(specimen=specimen)
-        # The report has 200 draws, a third of the fit's: its standard error is √3 times as large,
-        # and that of the difference 2 times; three of them.
         error = np.abs(mine["log_evidence"] - result["log_evidence"])
-        assert np.all(error < 3 * 2 * result["log_evidence_se"])
+        assert np.all(error < 3 * np.hypot(mine["log_evidence_se"], result["log_evidence_se"]))
         # P-values are 1 - (1 - s)², where s is the share of one random specimen for each draw:
         # three binomial standard errors.
         share = 1 - np.sqrt(1 - result["p_value"])
@@ -132,6 +135,28 @@ def test_evidence_under_pooled_classes_equals_quadrature_over_the_modulus(pooled
             variance = np.exp(logsumexp(posterior + 2 * likelihood) - 2 * expected) - 1
             error = abs(found.sel(class_label=name).item() - expected)
             assert error < 4 * np.sqrt(variance / POOLED_DRAWS) < 0.15
+            stated = pooled_report["log_evidence_se"].sel(specimen=specimen, class_label=name)
+            assert error < 4 * stated.item() < 0.15
+
+
+def test_unreliable_evidence_of_a_left_out_specimen_is_not_to_be_trusted(monkeypatch):
+    """An evidence that is smaller by a hundred nats could not change the probability."""
+    known = Estimate(-3.0, 0.1)
+    predictions = {
+        "1": [Prediction(known, 0.1, "", 0.1), Prediction(known, 0.1, "", 0.1)],
+        "3": [Prediction(known, 0.1, "", 0.9), Prediction(known, 0.1, "", 0.1)],
+        "2": [Prediction(known, 0.1, "", 0.1), Prediction(Estimate(-4.0, np.inf), 0.1, "", 0.1)],
+        "4": [Prediction(known, 0.1, "", 0.1), Prediction(Estimate(-103.0, 0.1), 0.1, "", 0.9)],
+    }
+
+    def leave_out(*_):
+        return lambda names, _: Fold(known, "good", {name: predictions[name] for name in names})
+
+    monkeypatch.setattr(pooled.PooledClass, "leave_out", leave_out)
+    report = report_of_pooled().squeeze("strain_energy").sel(specimen=["1", "2", "3", "4"])
+    bad = "not to be trusted"
+    assert report["verdict"].values.tolist() == ["good", bad, bad, "good"]
+    assert np.isinf(report["log_evidence_se"].sel(specimen="2", class_label="stiff"))
 
 
 def test_interrupt_keeps_complete_folds_and_sets_others_to_nan(pooled_report, monkeypatch):
