@@ -82,7 +82,7 @@ def test_decision_table_equals_the_result(page):
 
 def test_summary_states_data_result_and_limits(page):
     assert (
-        "The simulated data are 15 experiments with 300 points on 5 specimens of 2 groups (3 in C1 "
+        "The simulated data are 15 tests with 300 points on 5 specimens of 2 groups (3 in C1 "
         "and 2 in C2); measured were pressure and internal radius." in page.summary
     )
     assert (

@@ -192,7 +192,7 @@ def test_report_counts_extension_tests_and_says_if_forces_were_used(write):
     page = write({"Model": fitted_class(outer, "NeoHookean", 20)}, **AT)
     assert "Fit of the outer diameter in extension tests: Model" in page.figures
     page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
-    assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
+    assert "1 specimen, 5 tests (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     left_out = "Axial forces were measured too. The likelihood does not include them."
     assert left_out in page.methods and "were not used in the fit" in page.text
@@ -221,7 +221,7 @@ def test_report_lists_the_laws_of_an_average_and_describes_data_once(write_words
     assert page.column("Probability of each law", "law") == list(laws)
     assert "explains the data best, of the laws NeoHookean and Demiray: " in page.summary
     # The data of both fits are described once.
-    assert page.methods.count("10 experiments with 200 points") == 1
+    assert page.methods.count("10 tests with 200 points") == 1
     _, second = page.methods.split("Each vessel was also modelled as")
     assert "tube with the strain energy Demiray, W" in second
 
