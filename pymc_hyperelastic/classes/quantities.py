@@ -202,9 +202,9 @@ def complete_conditions(
             "at=ph.Conditions(pressure_range=(diastolic, systolic))"
         )
     if wanted:
-        at.in_kilopascal("warn")
+        at.in_kilopascal()
     if between:
-        at.range_in_kilopascal("warn")
+        at.range_in_kilopascal()
     tubes = [tubes_of(inflation_data_of(fitted)) for fitted in groups.children.values()]
     parts = [part for data in tubes if data is not None for part in specimens_apart(data).values()]
     layered = has_layers(next(iter(groups.children.values())))

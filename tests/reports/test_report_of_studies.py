@@ -169,10 +169,15 @@ def test_table_of_planned_studies_equals_plan_study(write_words):
     assert [row[0] for row in rows] == ["mu", "mu", "log mu", "log mu"]
     assert page.column("Expected results", "specimens") == [4, 12] * 2
     own = plan.isel(comparison=0).transpose("quantity", "specimens", ...)
-    for name, place in (("width", 0), ("width_se", 1), ("decided", 0), ("wrong", None)):
+    for name, place in (
+        ("width", 0),
+        ("width_se", 1),
+        ("decided", 0),
+        ("wrong", 0),
+        ("covered_se", 1),
+    ):
         cells = page.column("Expected results", name.removesuffix("_se"))
-        found = cells if place is None else [cell[place] for cell in cells]
-        np.testing.assert_array_equal(found, own[name].values.ravel())
+        np.testing.assert_array_equal([cell[place] for cell in cells], own[name].values.ravel())
     _, rows = page.table("Expected classification of new specimens: Plan")
     np.testing.assert_array_equal([row[1][0] for row in rows], plan["log_score"])
     assert "20 simulated studies" in page.warnings
