@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from report_pages import Page, assert_sound
-from stored_results import DATA, classified, curves, fitted_classes
+from stored_results import DATA, classified, curves, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.reports import page as making
@@ -171,6 +171,8 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
     assert page.headings[0][1] == "Mine"
     assert "Data (data); Data 2 (data); Classified (classified)" in page.text
     assert write_words(curves(["A"])).headings[0][1] == "Report of a study"
+    page = write_words([fitted_class(THIRD), fitted_classes()])
+    assert "Fitted model (fitted model); Fitted classes (fitted classes)" in page.text
 
 
 @pytest.mark.parametrize(
