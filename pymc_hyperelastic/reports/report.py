@@ -182,10 +182,10 @@ def report(
     at = as_conditions(at)
     if at.pressure is not None and at.pressures.min() < 0:
         raise ValueError(f"at states the pressure {at.pressures.min():g}; expected at least 0")
+    results = _titled(result, data)
     path = Path(path)
     if path.is_dir():
         raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
-    results = _titled(result, data)
     page = Page(at)
     chapters = [
         {

@@ -182,6 +182,7 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
         ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
         (THIRD, {"at": [-1.0]}, "at states the pressure -1; expected at least 0"),
         (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
+        ("report.html", {"path": THIRD}, r"expected results of .*; got 'report.html'"),
     ],
 )
 def test_wrong_input_is_refused_before_a_file_is_written(tmp_path, result, settings, message):
