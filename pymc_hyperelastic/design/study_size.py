@@ -129,10 +129,8 @@ def plan_study(
 
         ``decided``, ``decided_se`` : fraction of studies whose interval lies entirely above
         `relevant` or below ``-relevant``, and its standard error. ``wrong``, ``wrong_se`` :
-        fraction of all studies that decide for the wrong sign.
-
-        ``covered``, ``covered_se`` : fraction of intervals that contain the true difference; about
-        `ci_prob` if the method is calibrated.
+        fraction of all studies that decide for the wrong sign. ``covered``, ``covered_se`` :
+        fraction of intervals that contain the true difference; about `ci_prob` if calibrated.
 
         ``log_score``, ``log_score_se`` : mean log probability of the true class of new specimens,
         measured as in the pilot, by classes with this number of specimens and equal prior
