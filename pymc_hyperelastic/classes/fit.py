@@ -133,6 +133,8 @@ def fit_classes(
     check_groups(groups)
     kind = kind_of_settings(energy, likelihood, priors, variability)
     seed = seed_kept(random_seed, store)
+    # The fit checks its arguments. A refused call makes no store, which would refuse the next one.
+    fits = kind.fit(groups, draws, chains, seed, progressbar, lambda *part: remember(*part))
     remember = remembering(
         store,
         lambda: manifest_of(
@@ -147,7 +149,7 @@ def fit_classes(
     tree = xr.DataTree.from_dict({})
     failed: dict[str, Exception] = {}
     try:
-        for name, fitted in kind.fit(groups, draws, chains, seed, progressbar, remember):
+        for name, fitted in fits:
             if isinstance(fitted, Exception):
                 failed[name] = fitted
                 continue

@@ -180,7 +180,7 @@ def complete_conditions(
     """Return the conditions for these quantities, with all measures of one tube.
 
     Measures of the tube that are not stated are medians over specimens, each of which is
-    represented by the median of its tests.
+    represented by the median of its tests. Warns of implausibly large pressures.
 
     Raises
     ------
@@ -201,6 +201,10 @@ def complete_conditions(
             f"{between[0]} depends on two pressures: give "
             "at=ph.Conditions(pressure_range=(diastolic, systolic))"
         )
+    if wanted:
+        at.in_kilopascal()
+    if between:
+        at.range_in_kilopascal()
     tubes = [tubes_of(inflation_data_of(fitted)) for fitted in groups.children.values()]
     parts = [part for data in tubes if data is not None for part in specimens_apart(data).values()]
     layered = has_layers(next(iter(groups.children.values())))

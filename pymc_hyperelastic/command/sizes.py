@@ -74,9 +74,13 @@ def likelihood_of_options(
     with_slopes = "sigma" in values
     for name in _WITHOUT_SLOPES if with_slopes else _WITH_SLOPES:
         if name in values:
-            needed = "pressure_sd" if with_slopes else "sigma"
+            if with_slopes:
+                raise ValueError(
+                    f"{places[name]} and {places['sigma']} are given, of which one excludes the "
+                    "other: leave one of them away"
+                )
             raise ValueError(
-                f"{places[name]} is given, but it belongs to {needed}: give {needed}, or leave "
+                f"{places[name]} is given, but it belongs to sigma: give sigma, or leave "
                 f"{places[name]} away"
             )
     weight = values.pop("slope_weight", None)

@@ -35,6 +35,10 @@ _REFERENCES = (
     '"sector" if they are those of the sector to which it opened'
 )
 _DEGREES = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
+_TWICE = (
+    "opening_angle is {:.6g} rad as a whole, twice Fung's; expected an angle between -2 pi and "
+    '2 pi: if the whole angle of the gap was measured, its convention is "whole"'
+)
 
 
 def _refuse(
@@ -125,6 +129,9 @@ def _check_angle(rows: Rows, tube: Tube, angle: Array) -> None:
     """Refuse tests with an impossible angle, or with one that has two meanings."""
     impossible = "opening_angle is {:.6g} rad; " + _DEGREES
     _refuse(rows, np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
+    if tube.convention == "fung":
+        beyond = (np.abs(angle) >= np.pi) & (np.abs(angle) < 2 * np.pi)
+        _refuse(rows, beyond, _TWICE, 2 * angle, "angle")
     questions = [_conventions(rows)] if tube.convention is None else []
     questions += [_REFERENCES] if tube.radii_of is None else []
     cut = np.isfinite(angle) & (angle != 0) & bool(questions)
@@ -175,5 +182,3 @@ def _check_ring(rows: Rows, inner: Array, outer: Array, angle: Array) -> None:
     _refuse(rows, both & (inner <= 0), positive, inner)
     larger = "outer_radius of the ring is {:.6g} mm; expected more than inner_radius"
     _refuse(rows, both & (outer <= inner), larger, outer)
-    impossible = "opening_angle is {:.6g} rad as a whole; " + _DEGREES
-    _refuse(rows, both & (np.abs(angle) >= 2 * np.pi), impossible, angle, "angle")

@@ -102,11 +102,15 @@ def _doubt_falling(data: xr.Dataset, problems: Problems) -> None:
             )
 
 
-def check_plausible_pressures(pressure: Array, check: Check) -> None:
-    """Doubt pressures, kPa, at which no tube is inflated."""
-    check_known(check)
+def check_plausible_pressures(pressure: Array, check: Check | None = None) -> None:
+    """Doubt pressures, kPa, at which no tube is inflated.
+
+    Functions without an argument `check` warn, and pass None.
+    """
+    if check is not None:
+        check_known(check)
     high = PLAUSIBLE["highest_pressure"].high
-    problems = Problems(check)
+    problems = Problems("warn", advice="") if check is None else Problems(check)
     for p in pressure[pressure > high]:
         what = (
             f"a pressure is {p:.6g} kPa, {p / mmHg:.3g} mmHg; expected at most {high:g} kPa: was "

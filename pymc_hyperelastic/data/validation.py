@@ -37,6 +37,8 @@ class Problems:
     check: Check
     units: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """In which unit a column was read, in words, by file and dimension."""
+    advice: str = '; if it is right, say check="ignore"'
+    """How to accept a doubt; empty for functions without an argument `check`."""
     _errors: dict[str, list[Problem]] = field(default_factory=dict)
     _doubts: dict[str, list[Problem]] = field(default_factory=dict)
 
@@ -60,8 +62,7 @@ class Problems:
         if self.check == "raise":
             refuse([self._message(same) for same in self._doubts.values()])
         for same in self._doubts.values():
-            message = self._message(same, '; if it is right, say check="ignore"')
-            warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+            warnings.warn(self._message(same, self.advice), skip_file_prefixes=(PACKAGE,))
 
     def _message(self, same: Sequence[Problem], advice: str = "") -> str:
         place, what, dimension, *_ = same[0]

@@ -72,7 +72,7 @@ def expected_information(
         ``"pressure_unit"``: unit of the pressure; ``"kPa"`` by default.
 
         ``"axial_stretch"``: a number, or a pair if the tube is extended at a held pressure or
-        radius; 1 by default.
+        radius; by default the median of the specimens of the classes.
 
         ``"points"``: number of measured points, evenly spaced; 20 by default.
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.quantities import complete_conditions
 from pymc_hyperelastic.data.geometry import kept_circle_of
+from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import combine_tests, sheets_of, tubes_of
 from pymc_hyperelastic.data.units import to_internal
@@ -46,7 +47,7 @@ class Defaults(NamedTuple):
 
     kind: HierarchicalClass
     tube: dict[str, float]
-    """Radii (mm) and opening angle (rad) of the unloaded tube; empty without tubes."""
+    """Radii (mm) and opening angle (rad) of the unloaded tube, and axial stretch."""
     sds: dict[str, float]
     """Standard deviations of the measures of tubes and sheets that have an error."""
     stress_measures: list[str]
@@ -246,7 +247,10 @@ def _as_tube(label: str, given: Mapping[str, Any], points: int, defaults: Defaul
     values = f"{_in_words(held)} {unit}"
     if control == "pressure":
         held = np.asarray(to_internal(held, pressure_unit, "pressure"))
-    stretch = _range(label, "axial_stretch", given.get("axial_stretch", 1.0), points)
+        check_plausible_pressures(held[-1:])
+    stretch = _range(
+        label, "axial_stretch", given.get("axial_stretch", defaults.tube["axial_stretch"]), points
+    )
     if np.ptp(held) > 0 and np.ptp(stretch) > 0:
         raise ValueError(
             f"{label}: either the {control} or the axial stretch may vary, but not both"

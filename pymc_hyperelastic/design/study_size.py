@@ -128,11 +128,9 @@ def plan_study(
         contains the widths of a fraction `ci_prob` of the studies (``bound``: low, high).
 
         ``decided``, ``decided_se`` : fraction of studies whose interval lies entirely above
-        `relevant` or below ``-relevant``, and its standard error. ``wrong`` : fraction of all
-        studies that decide for the wrong sign.
-
-        ``covered`` : fraction of intervals that contain the true difference; about `ci_prob` if
-        the method is calibrated.
+        `relevant` or below ``-relevant``, and its standard error. ``wrong``, ``wrong_se`` :
+        fraction of all studies that decide for the wrong sign. ``covered``, ``covered_se`` :
+        fraction of intervals that contain the true difference; about `ci_prob` if calibrated.
 
         ``log_score``, ``log_score_se`` : mean log probability of the true class of new specimens,
         measured as in the pilot, by classes with this number of specimens and equal prior
@@ -350,15 +348,16 @@ def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.D
     )
     width, count = each["study_width"], truth.shape[-1]
     shares = each[["decided", "wrong", "covered"]].mean("study")
+    errors = np.sqrt((shares * (1 - shares)).clip(1 / count) / count)
     ends = width.quantile([tail, 1 - tail], "study").rename(quantile="bound")
     # Standard error of the median, from the order statistics one standard error from the middle.
     half = 0.5 / np.sqrt(count)
     around = width.quantile([0.5 - half, 0.5 + half], "study")
     return shares.assign(
-        decided_se=np.sqrt((shares["decided"] * (1 - shares["decided"])).clip(1 / count) / count),
         width=width.median("study"),
         width_se=around.diff("quantile").squeeze("quantile", drop=True) / 2,
         width_interval=ends.assign_coords(bound=["low", "high"]),
+        **{f"{name}_se": error for name, error in errors.items()},
         **{name: each[name] for name in ("study_width", "study_difference", "truth")},
     )
 

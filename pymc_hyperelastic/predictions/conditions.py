@@ -111,11 +111,14 @@ class Conditions:
             )
         return np.atleast_1d(np.asarray(self.pressure, float))
 
-    def in_kilopascal(self, check: Check) -> Array:
-        """Return the pressures in kPa; `check` decides about implausibly large ones."""
+    def in_kilopascal(self, check: Check | None = None) -> Array:
+        """Return the pressures in kPa; `check` decides about implausibly large ones.
+
+        Functions without an argument `check` warn of them, and pass None.
+        """
         return self._plausible(self.pressures, check)
 
-    def range_in_kilopascal(self, check: Check) -> Array:
+    def range_in_kilopascal(self, check: Check | None = None) -> Array:
         """Return the diastolic and the systolic pressure in kPa, as :meth:`in_kilopascal` does."""
         return self._plausible(self.pressure_range, check)
 
@@ -129,7 +132,7 @@ class Conditions:
         attributes = found["pressure"].attrs | {"units": self.pressure_unit}
         return found.assign_coords(pressure=("pressure", values, attributes))
 
-    def _plausible(self, pressures: Any, check: Check) -> Array:
+    def _plausible(self, pressures: Any, check: Check | None) -> Array:
         converted = self._in_kilopascal(pressures)
         check_plausible_pressures(converted, check)
         return converted

@@ -5,11 +5,13 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.quantities import unit_text
 from pymc_hyperelastic.reports.decisions import (
     failed_of,
     names_of,
     warn_of_messages,
 )
+from pymc_hyperelastic.reports.meanings import quantity_in_words
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import BAD, CAUTION, Page, plural
 
@@ -72,9 +74,9 @@ def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
         for i, pressure in enumerate(np.ravel(properties["pressure"])):
             at = {"pressure": i} if "pressure" in intervals.dims else {}
             low, median, high = intervals.isel(at).transpose("interval", ...)
-            unit = str(intervals.attrs.get("units", ""))
+            unit = unit_text(str(intervals.attrs.get("units", "")))
             numbers = [*_quantiles(median), float((high - low).median())]
-            rows.append([str(name).replace("_", " "), unit, float(pressure), *numbers])
+            rows.append([quantity_in_words(str(name)), unit, float(pressure), *numbers])
     pressure = f"pressure ({properties['pressure'].attrs.get('units', 'kPa')})"
     columns = ["property", "unit", pressure, *_HEADINGS, "median width of the intervals"]
     frame = pd.DataFrame(rows, columns=columns)

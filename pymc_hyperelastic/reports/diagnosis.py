@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from arviz_stats import summary
 
+from pymc_hyperelastic.data.select import warn_of_repeats
 from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, divergence
 from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, judgement, log_evidence
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
@@ -125,6 +126,8 @@ def _check(result: xr.DataTree, page: Page) -> None:
         subject = _subject(name, page)
         if has_data(tree):
             warn_of_simulated(tree["constant_data"].attrs, page)
+            with page.catching(subject):
+                warn_of_repeats(inflation_data_of(tree))
         _check_evidence(subject, tree, page)
         for words in divergence(tree):
             page.notice(CAUTION, words, "", subject)

@@ -120,12 +120,8 @@ def _sheet_row(test: xr.Dataset) -> dict[str, Any]:
 
 
 def _counts(data: xr.Dataset, specimens: int) -> str:
-    if STRESS_MEASURE in data.variables:
-        tests = plural(data.sizes["test"], "test")
-        return f"{plural(specimens, 'specimen')}, {tests}, {plural(data.sizes['obs'], 'point')}"
-    extended = int(extension_tests(data).sum())
-    tests = plural(data.sizes["test"], "experiment")
-    if extended:
+    tests = plural(data.sizes["test"], "test")
+    if STRESS_MEASURE not in data.variables and (extended := int(extension_tests(data).sum())):
         tests += f" (including {plural(extended, 'extension test')})"
     return f"{plural(specimens, 'specimen')}, {tests}, {plural(data.sizes['obs'], 'point')}"
 
@@ -138,7 +134,7 @@ def _specimen_row(name: str, own: xr.Dataset, pressure_unit: str) -> dict[str, A
     row = {
         "specimen": name,
         "group": ", ".join(dict.fromkeys(own["group"].values.astype(str).tolist())),
-        "experiments": own.sizes["test"],
+        "tests": own.sizes["test"],
         "points": own.sizes["obs"],
         heading: _range(length),
         f"pressure ({pressure_unit})": _range(own["pressure"] * per_kilopascal(pressure_unit)),

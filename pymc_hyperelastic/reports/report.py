@@ -86,6 +86,7 @@ CLASSES = Kind(
         "settings": show_settings,
     },
 )
+MODEL = CLASSES._replace(title="Fitted model")
 CLASSIFIED = Kind(
     "Classified",
     "class_probability decision",
@@ -181,10 +182,10 @@ def report(
     at = as_conditions(at)
     if at.pressure is not None and at.pressures.min() < 0:
         raise ValueError(f"at states the pressure {at.pressures.min():g}; expected at least 0")
+    results = _titled(result, data)
     path = Path(path)
     if path.is_dir():
         raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
-    results = _titled(result, data)
     page = Page(at)
     chapters = [
         {
@@ -220,7 +221,9 @@ def kind_of(result: Any) -> Kind:
         groups = {*result.children}
         if {*COHORT.names.split()} <= groups and "error" in result["evidence"].data_vars:
             return COHORT
-        if any("posterior" in tree.children for tree in (result, *result.children.values())):
+        if "posterior" in groups:
+            return MODEL
+        if any("posterior" in tree.children for tree in result.children.values()):
             return CLASSES
     elif isinstance(result, xr.Dataset):
         for kind in TABLES:
@@ -281,7 +284,7 @@ def _parts_of_all(
 ) -> list[tuple[str, list[dict[str, Any]]]]:
     """Write what concerns several results in a chapter: the probability of laws, and versions."""
     page.title, page.blocks = "", []
-    fits = {name: each for name, each in results.items() if kind_of(each) is CLASSES}
+    fits = {name: each for name, each in results.items() if kind_of(each) in (CLASSES, MODEL)}
     if anchor == "fits" and len(fits) > 1:
         with page.catching("Probability of each law"):
             show_laws(fits, page)
@@ -293,11 +296,7 @@ def _parts_of_all(
 
 def _check_classes(results: Mapping[str, Any], page: Page) -> None:
     """Add a notice if decisions were made with other classes than those on the page."""
-    classes = {
-        title: result
-        for title, result in results.items()
-        if kind_of(result) is CLASSES and "posterior" not in result.children
-    }
+    classes = {title: result for title, result in results.items() if kind_of(result) is CLASSES}
     for title, result in results.items() if classes else ():
         if kind_of(result) is CLASSIFIED:
             with page.catching(title):

@@ -235,7 +235,7 @@ def _data_sentence(data: Mapping[str, xr.Dataset], specimens: Mapping[str, int])
         f"The {'simulated ' if simulated else ''}{curves} "
         f"of {plural(sum(specimens.values()), 'specimen')}"
         f"{f' ({in_each})' if len(data) > 1 else ''} were analysed: "
-        f"{plural(tests, 'experiment')} with {plural(points, 'point')}."
+        f"{plural(tests, 'test')} with {plural(points, 'point')}."
     )
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
 from pymc_hyperelastic.data.sheets import tubes_of
-from pymc_hyperelastic.data.variables import sheet_tests
+from pymc_hyperelastic.data.variables import OPTIONAL_LABELS, sheet_tests
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.reports.fits import PROB
@@ -32,23 +32,25 @@ def summarise(page: Page) -> dict[str, str]:
 
 
 def _data_sentence(data: list[xr.Dataset]) -> str:
-    """Return the numbers of groups, specimens, experiments and points, and the signals."""
+    """Return the numbers of groups, specimens, tests and points, and the signals."""
     if not data:
         return "The results on this page do not hold the measured curves."
     points: dict[tuple[str, ...], int] = {}
     for each in data:
-        labels = [each[name].values.astype(str) for name in ("group", "specimen", "experiment")]
+        names = ["group", "specimen", "experiment"]
+        names += [name for name in OPTIONAL_LABELS if name in each.coords]
+        labels = [each[name].values.astype(str) for name in names]
         counts = np.bincount(each["test"].values, minlength=each.sizes["test"])
         points |= dict(zip(zip(*labels, strict=True), counts.tolist(), strict=True))
     groups: dict[str, set[str]] = {}
-    for group, specimen, _ in points:
+    for group, specimen, *_ in points:
         groups.setdefault(group, set()).add(specimen)
     sizes = [f"{len(names)} in {group}" for group, names in groups.items()]
     of = f" of {plural(len(groups), 'group')} ({listed(sizes)})" if len(groups) > 1 else ""
     specimens = plural(sum(map(len, groups.values())), "specimen")
     simulated = "simulated " if any(each.attrs.get("simulated") for each in data) else ""
     return (
-        f"The {simulated}data are {plural(len(points), 'experiment')} with "
+        f"The {simulated}data are {plural(len(points), 'test')} with "
         f"{plural(sum(points.values()), 'point')} on {specimens}{of}; measured were "
         f"{listed(_signals(data))}."
     )

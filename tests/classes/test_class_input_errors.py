@@ -108,3 +108,10 @@ def test_wrong_input_is_refused_before_sampling(row):
     """Each kind of wrong input raises one error that names the place and the expected input."""
     call, error, *fragments = row
     assert_refused(call, error, fragments)
+
+
+@pytest.mark.parametrize("settings", [{"draws": 99}, {"likelihood": WITH_FORCE}])
+def test_refused_fit_makes_no_store_that_would_refuse_the_corrected_call(settings, tmp_path):
+    with pytest.raises(ValueError, match=r"draws is 99|no axial forces"):
+        variable(store=tmp_path / "store", **settings)
+    assert not list(tmp_path.iterdir())

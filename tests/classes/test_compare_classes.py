@@ -266,6 +266,19 @@ def test_default_tube_has_the_median_measures_of_the_specimens(classes):
         compare(classes, X, at=ph.Conditions(tube=ph.Tube(axial_stretch=[1.0, 1.5])))
 
 
+@pytest.mark.parametrize(
+    "quantity, at",
+    [
+        ("compliance", 100),
+        ("stored_energy_change", ph.Conditions(10, pressure_range=(10, 100))),
+    ],
+)
+def test_pressures_in_mmhg_that_are_stated_as_kilopascals_give_one_warning(classes, quantity, at):
+    with pytest.warns(UserWarning, match="is 100 kPa, 750 mmHg; .*='mmHg'$") as said:
+        complete_conditions(classes, [quantity, X], at)
+    assert len(said) == 1
+
+
 def test_stored_energy_change_needs_only_a_pressure_range(classes):
     """The change of the stored energy is the difference of the energies at both pressures."""
     few = {"draws": 100, "specimens": 8}

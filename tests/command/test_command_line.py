@@ -205,7 +205,10 @@ def test_sizes_of_errors_are_converted_to_internal_units():
     for table, message in (
         ({"noise": "1 kPa"}, "likelihood.noise is not known; expected some of"),
         ({"sigma": 1.0}, "likelihood.sigma is 1.0; expected a number and its unit"),
-        ({"sigma": "1 kPa", "diameter_sd": "5 um"}, "likelihood.diameter_sd is given, but it bel"),
+        (
+            {"sigma": "1 kPa", "diameter_sd": "5 um"},
+            "likelihood.diameter_sd and likelihood.sigma are",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             likelihood_of_options({}, table, data)
@@ -229,7 +232,7 @@ def test_sizes_of_errors_are_converted_to_internal_units():
         ),
         (
             ["fit", "FILE", "--sigma", "1 kPa", "--diameter-sd", "5 um"],
-            "--diameter-sd is given, but it belongs to pressure_sd",
+            "--diameter-sd and --sigma are given, of which one excludes",
         ),
         (
             ["fit", "FILE", "--variability", "none", "--experiment-effect"],

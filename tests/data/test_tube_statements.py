@@ -91,6 +91,10 @@ BAD_TUBES = {
     "ring without a wall": (RING | FUNG | {"outer_radius": 7.0}, f"{S1E1}outer_radius of .* 7 mm"),
     "ring of no radius": (RING | FUNG | {"inner_radius": 0.0}, f"{S1E1}inner_radius is 0 mm"),
     "a full turn": (RING | FUNG | {"opening_angle": 180.0}, f"{S1E1}.*6.28319 rad as a whole"),
+    "a whole angle as Fung's": (
+        FUNG | {"opening_angle": 200.0, "radii_of": "sector"},
+        f"{S1E1}.*6.98132 rad as a whole, twice Fung's; .* its convention is \"whole\"",
+    ),
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
     "thickness and wall area": (
         {"thickness": 2.0, "wall_area": 9.0}, "thickness and wall_area are given",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from report_pages import Page, assert_sound
-from stored_results import DATA, classified, curves, fitted_classes
+from stored_results import DATA, classified, curves, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.reports import page as making
@@ -82,7 +82,7 @@ def test_decision_table_equals_the_result(page):
 
 def test_summary_states_data_result_and_limits(page):
     assert (
-        "The simulated data are 15 experiments with 300 points on 5 specimens of 2 groups (3 in C1 "
+        "The simulated data are 15 tests with 300 points on 5 specimens of 2 groups (3 in C1 "
         "and 2 in C2); measured were pressure and internal radius." in page.summary
     )
     assert (
@@ -171,6 +171,8 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
     assert page.headings[0][1] == "Mine"
     assert "Data (data); Data 2 (data); Classified (classified)" in page.text
     assert write_words(curves(["A"])).headings[0][1] == "Report of a study"
+    page = write_words([fitted_class(THIRD), fitted_classes()])
+    assert "Fitted model (fitted model); Fitted classes (fitted classes)" in page.text
 
 
 @pytest.mark.parametrize(
@@ -180,6 +182,7 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
         ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
         (THIRD, {"at": [-1.0]}, "at states the pressure -1; expected at least 0"),
         (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
+        ("report.html", {"path": THIRD}, r"expected results of .*; got 'report.html'"),
     ],
 )
 def test_wrong_input_is_refused_before_a_file_is_written(tmp_path, result, settings, message):

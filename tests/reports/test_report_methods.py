@@ -26,7 +26,7 @@ def test_methods_and_settings_describe_pooled_classes_and_versions(write_words):
     page = write_words(fitted_classes())
     for words in (
         "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: ",
-        "10 experiments with 200 points",
+        "10 tests with 200 points",
         "the strain energy Demiray, W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens of a class",
         "1.41421 kPa), slope_weight = 0 mm². Priors were Uniform(0, 200) kPa for mu, Uniform(0",
         "by sequential Monte Carlo in 2 independent chains of 100 draws, which also gives",
@@ -50,7 +50,7 @@ def test_methods_and_settings_describe_pooled_classes_and_versions(write_words):
 def test_methods_state_the_size_of_each_error(likelihood, words):
     found = methods(fitted_class(ONE, "NeoHookean", chains=1, likelihood=likelihood))
     assert words in found
-    assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in found
+    assert "curves of 1 specimen were analysed: 1 test with 20 points." in found
     inferred = "HalfNormal(0, 1) kPa for pressure_sd"
     assert (inferred in found) == ("inferred" in words)
     assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in words)

@@ -18,8 +18,10 @@ def cohort():
     evidence |= {"log_evidence_se": np.full(5, 0.1), "pareto_k": np.full(5, 0.2)}
     evidence["method"] = np.array(["importance"] * 4 + ["smc"])
     specimen, dims = {"specimen": NAMES}, ("specimen", "chain", "draw")
-    compliance = rng.random((5, 2, 3)).cumsum(axis=2), {"units": "mm²/kPa"}
-    properties = {"compliance": (("specimen", "pressure", "interval"), *compliance)}
+    compliance = rng.random((5, 2, 3)).cumsum(axis=2), {"units": "mm2/kPa"}
+    dims_of_properties = ("specimen", "pressure", "interval")
+    properties = {"compliance": (dims_of_properties, *compliance)}
+    properties["peterson_modulus"] = (dims_of_properties, compliance[0], {"units": "kPa"})
     return xr.DataTree.from_dict(
         {
             "posterior": xr.Dataset({"mu": (dims, rng.lognormal(size=(5, 1, 40)))}, specimen),
@@ -38,7 +40,8 @@ def test_cohort_tables_summarise_its_specimens(write_words, cohort):
     medians, sd = (f(["chain", "draw"]).values for f in (draws.median, draws.std))
     np.testing.assert_allclose(row[1:], [*np.quantile(medians, ends), np.median(sd)])
     assert "The law was fitted to 5 specimens, one by one." in page.summary
-    _, (_, row) = page.table("Posterior medians of the elastic properties")
+    _, (_, row, other, _) = page.table("Posterior medians of the elastic properties")
+    assert other[:2] == ["Peterson's modulus", "kPa"]
     assert row[:3] == ["compliance", "mm²/kPa", 120]
     low, middle, high = cohort["properties"]["compliance"].values[:, 1].T
     np.testing.assert_allclose(row[3:], [*np.quantile(middle, ends), np.median(high - low)])

@@ -170,10 +170,15 @@ def test_table_of_planned_studies_equals_plan_study(write_words):
     assert [row[0] for row in rows] == ["mu", "mu", "log mu", "log mu"]
     assert page.column("Expected results", "specimens") == [4, 12] * 2
     own = plan.isel(comparison=0).transpose("quantity", "specimens", ...)
-    for name, place in (("width", 0), ("width_se", 1), ("decided", 0), ("wrong", None)):
+    for name, place in (
+        ("width", 0),
+        ("width_se", 1),
+        ("decided", 0),
+        ("wrong", 0),
+        ("covered_se", 1),
+    ):
         cells = page.column("Expected results", name.removesuffix("_se"))
-        found = cells if place is None else [cell[place] for cell in cells]
-        np.testing.assert_array_equal(found, own[name].values.ravel())
+        np.testing.assert_array_equal([cell[place] for cell in cells], own[name].values.ravel())
     _, rows = page.table("Expected classification of new specimens: Plan")
     np.testing.assert_array_equal([row[1][0] for row in rows], plan["log_score"])
     assert "20 simulated studies" in page.warnings
@@ -193,7 +198,7 @@ def test_report_counts_extension_tests_and_says_if_forces_were_used(write):
     page = write({"Model": fitted_class(outer, "NeoHookean", 20)}, **AT)
     assert "Fit of the outer diameter in extension tests: Model" in page.figures
     page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
-    assert "1 specimen, 5 experiments (including 2 extension tests), 19 points" in page.text
+    assert "1 specimen, 5 tests (including 2 extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     left_out = "Axial forces were measured too. The likelihood does not include them."
     assert left_out in page.methods and "were not used in the fit" in page.text
@@ -222,7 +227,7 @@ def test_report_lists_the_laws_of_an_average_and_describes_data_once(write_words
     assert page.column("Probability of each law", "law") == list(laws)
     assert "explains the data best, of the laws NeoHookean and Demiray: " in page.summary
     # The data of both fits are described once.
-    assert page.methods.count("10 experiments with 200 points") == 1
+    assert page.methods.count("10 tests with 200 points") == 1
     _, second = page.methods.split("Each vessel was also modelled as")
     assert "tube with the strain energy Demiray, W" in second
 

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from stored_results import DATA, classified, fitted_class, fitted_classes
@@ -125,6 +126,15 @@ def test_pooled_specimens_give_a_warning(write_words):
     warnings = write_words([fitted_class(ph.select(DATA, specimen="S1")), DATA]).warnings
     assert "all specimens of a class share one set" not in warnings
     assert warnings.count("these data are simulated, not measured") == 1
+
+
+def test_a_fit_to_several_phases_gives_a_warning_and_each_phase_counts_as_a_test(write_words):
+    curve = ph.select(DATA, specimen="S1", experiment=1).to_dataframe().reset_index(drop=True)
+    phases = [curve.assign(phase=phase) for phase in ("loading", "unloading")]
+    page = write_words(fitted_class(ph.inflation_data(pd.concat(phases), ph.Tube(7.0, 9.0))))
+    assert "specimen 'S1' has the phases 'loading', 'unloading'" in page.warnings
+    assert "2 tests with 40 points on 1 specimen" in page.summary
+    assert "2 tests with 40 points" in page.methods
 
 
 def test_unknown_law_and_invalid_data_give_warnings(write_words):
