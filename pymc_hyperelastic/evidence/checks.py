@@ -8,7 +8,14 @@ import numpy as np
 import pymc as pm
 import pytensor
 from numpy.typing import NDArray
+from pymc.distributions.censored import CensoredRV
+from pymc.distributions.distribution import DiracDeltaRV
 from pymc.vartypes import discrete_types
+from pytensor.graph.traversal import ancestors
+
+# Distributions of floats of which some value has a positive probability. Hurdle distributions, and
+# mixtures of a spike and a slab, have a DiracDelta as a component.
+_WITH_POINT_MASS = CensoredRV, DiracDeltaRV
 
 
 def check_count(name: str, value: Any, least: int) -> None:
@@ -66,11 +73,21 @@ def check_model(model: Any) -> None:
 
 
 def check_continuous(model: pm.Model, who: str = "expected") -> None:
-    """Raise unless the model has free variables, all of them continuous."""
+    """Raise unless the model has free variables, all of them with a density."""
     discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
     if discrete or not model.value_vars:
         what = f"discrete: {discrete}" if discrete else "none"
         raise ValueError(f"{who} a model with continuous free variables; here are {what}")
+    if point_masses := [rv.name for rv in model.free_RVs if _has_point_mass(rv)]:
+        raise ValueError(
+            f"{who} a model whose free variables have densities; the priors of {point_masses} give "
+            "a single value a positive probability (pm.DiracDelta, pm.Censored, a hurdle): compare "
+            "the evidences of a model with this value and of a model with a continuous prior"
+        )
+
+
+def _has_point_mass(variable: Any) -> bool:
+    return any(v.owner and isinstance(v.owner.op, _WITH_POINT_MASS) for v in ancestors([variable]))
 
 
 def check_repeatable(log_density: NDArray[np.floating], again: NDArray[np.floating]) -> None:

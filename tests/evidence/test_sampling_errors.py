@@ -23,6 +23,16 @@ def model_of(kind: str) -> pm.Model:
         if kind == "discrete":
             count = pm.Poisson("count", 3)
             pm.Potential("likelihood", -count)
+        elif kind == "spike and slab":
+            parts = [pm.DiracDelta.dist(0.0), pm.HalfNormal.dist(1)]
+            x = pm.Mixture("x", [0.5, 0.5], parts, default_transform=None)
+            pm.Potential("likelihood", -x)
+        elif kind == "censored":
+            y = pm.Censored("y", pm.Normal.dist(), lower=0.0, upper=1.0)
+            pm.Potential("likelihood", -y)
+        elif kind == "hurdle":
+            z = pm.HurdleGamma("z", 0.5, alpha=2, beta=1, default_transform=None)
+            pm.Potential("likelihood", -z)
         elif kind == "no likelihood":
             pm.Normal("x")
         elif kind == "nothing free":
@@ -66,6 +76,9 @@ def unsampled(kind, *fragments):
 # Each row: a name, a call, the error, and fragments of its message.
 BAD_INPUT = [
     unsampled("discrete", "continuous", "discrete: ['count']"),
+    unsampled("spike and slab", "priors of ['x']", "positive probability"),
+    unsampled("censored", "priors of ['y']", "positive probability"),
+    unsampled("hurdle", "priors of ['z']", "positive probability"),
     unsampled("nothing free", "free variables", "none"),
     unsampled("no likelihood", "nothing to temper", "[]"),
     unsampled(
