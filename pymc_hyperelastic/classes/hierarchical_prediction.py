@@ -10,10 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.classes.distribution import DISTRIBUTIONS
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.specimen_evidence import (
     hybrid_evidences,
-    near_class,
     parts_of,
     specimen_evidence,
 )
@@ -26,6 +26,7 @@ from pymc_hyperelastic.classes.typicality import (
 )
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.stored import read_numbers
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
@@ -69,7 +70,6 @@ class SpecimenPredictive:
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
         # Older files do not store the misfit of the class's specimens.
         self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
-        self._class_samplers: dict[str, SpecimenSampler] = {}
 
     def __call__(
         self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None
@@ -85,8 +85,9 @@ class SpecimenPredictive:
         for number, (name, distributions) in enumerate(self._distributions.items()):
             evidence = specimen_evidence(draws, distributions)
             if evidence.pareto_k >= LARGEST_PARETO_K:
-                # Sample again, under a reference distribution near this class.
-                samples.append(self._class_sampler(name)(data, rng))
+                # Sample again, with this class as the prior.
+                few = distributions.at(evenly(len(distributions.location[0]), DISTRIBUTIONS))
+                samples.append(self._sampler.near(data, draws, few, rng))
                 again = specimen_evidence(samples[-1], distributions)
                 if again.pareto_k < evidence.pareto_k:
                     # No other class shares these draws, and so none shares their error.
@@ -111,14 +112,6 @@ class SpecimenPredictive:
         evidences = predictions[number].log_evidence, predictions[other].log_evidence
         ends = evidences[0].value, evidences[1].value
         return hybrid_evidences(samples, distributions[number], distributions[other], parts, ends)
-
-    def _class_sampler(self, name: str) -> SpecimenSampler:
-        """Return the sampler whose reference distribution is near a class."""
-        if name not in self._class_samplers:
-            reference = near_class(self._distributions[name])
-            sampler = SpecimenSampler(self._population, self._sampler.forward, reference)
-            self._class_samplers[name] = sampler
-        return self._class_samplers[name]
 
     def _p_values(
         self, draws: SpecimenDraws, name: str, rng: np.random.Generator

@@ -10,7 +10,7 @@ from pooled_classes import NAMES, SEED, assert_exact, new_data
 from scipy.special import softmax
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.classification import _decide, _tabulate
+from pymc_hyperelastic.classes.classification import _decide, tabulate
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive
 
@@ -96,7 +96,7 @@ def test_errors_of_probabilities_are_propagated_from_errors_of_evidences():
         Prediction(ph.Estimate(v, 0.5), e, "by hand", 0.1, probability_error=0.004)
         for v, e in zip(values, errors, strict=True)
     ]
-    result = _tabulate([row], prior, "specimen", ["a", "b", "c"])
+    result = tabulate([row], prior, "specimen", ["a", "b", "c"])
     probability = prior * np.exp(values) / np.sum(prior * np.exp(values))
     np.testing.assert_allclose(result["class_probability"][0], probability)
     rng = np.random.default_rng(SEED)
