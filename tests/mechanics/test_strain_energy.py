@@ -9,6 +9,7 @@ import oracles
 import pytensor
 import pytensor.tensor as pt
 import pytest
+import xarray as xr
 from problems import AS_WRITTEN, LAWS, entries
 from tube_posteriors import fitted_tree
 
@@ -176,6 +177,46 @@ class TwoFibre(ph.StrainEnergy):
         fourth = (hoop * cosine) ** 2 + (axial * sine) ** 2
         matrix = c / 2 * (radial**2 + hoop**2 + axial**2 - 3)
         return matrix + k1 / k2 * pt.expm1(k2 * (fourth - 1) ** 2)
+
+
+class Limited(ph.StrainEnergy):
+    """Gent's law, as a user may write it: the logarithm is NaN beyond the limit."""
+
+    parameters = (
+        ph.Parameter("mu", "mu", "kPa", (0.0, 100.0), "shear modulus"),
+        ph.Parameter("limit", "J", "", (0.05, 5.0), "limit of I1 - 3"),
+    )
+
+    def energy(self, radial, hoop, axial, *, mu, limit):
+        excess = radial**2 + hoop**2 + axial**2 - 3
+        return -mu * limit / 2 * pt.log(1 - excess / limit)
+
+
+class Forbidding(Limited):
+    """The same with an infinite energy beyond the limit, whose derivative is zero."""
+
+    def energy(self, radial, hoop, axial, *, mu, limit):
+        excess = radial**2 + hoop**2 + axial**2 - 3
+        inside = excess < limit
+        energy = -mu * limit / 2 * pt.log(1 - pt.where(inside, excess, 0.0) / limit)
+        return pt.where(inside, energy, np.inf)
+
+
+@pytest.mark.parametrize("law", [Limited(), Forbidding()], ids=lambda law: law.name)
+def test_stress_is_not_finite_where_the_energy_of_a_user_is_not(law):
+    """Where the energy is finite, stress and radius are those of the law of the package."""
+    stretches, known = (np.log([1.1, 1.3]), np.log([1.05, 1.2])), {"mu": 20.0, "limit": 0.5}
+    for name in ("stress_difference", "axial_stress_difference"):
+        logs = map(pt.as_tensor, stretches)
+        within, beyond = getattr(law, name)(*logs, **known).eval()
+        expected = getattr(ph.Gent(), name)(*stretches, **known).eval()[0]
+        np.testing.assert_allclose(within, expected, rtol=DEFAULT_TOLERANCE)
+        assert not np.isfinite(beyond)
+    posterior = xr.Dataset({name: (("chain", "draw"), [[value]]) for name, value in known.items()})
+    result = xr.DataTree.from_dict({"posterior": posterior})
+    at = ph.Conditions([5.0, 20.0], tube=ph.Tube(1.0, 1.3))
+    found, expected = (ph.radius_at_pressure(result, at, energy=e) for e in (law, ph.Gent()))
+    np.testing.assert_allclose(found["radius"], expected["radius"], rtol=QUADRATURE_TOLERANCE)
 
 
 def two_fibre_energy(l1, l2, l3, *, c, k1, k2):

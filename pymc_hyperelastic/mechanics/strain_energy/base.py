@@ -162,13 +162,14 @@ class StrainEnergy(ABC):
         .. math:: σ_{θθ} - σ_{rr} = λ_θ \frac{∂\hat W}{∂λ_θ} = \frac{∂\hat W}{∂\ln λ_θ}, \qquad
             \hat W(λ_θ, λ_z) = W(1/(λ_θ λ_z), λ_θ, λ_z)
 
-        The default differentiates :meth:`energy`. Override it with a closed form if that is faster
-        or more accurate: near zero stress the derivative is a small difference of large numbers.
+        The default differentiates :meth:`energy`. It is not finite if the energy is not: no stress
+        brings the material to such stretches. Override it with a closed form if that is faster or
+        more accurate: near zero stress the derivative is a small difference of large numbers.
         The first arguments are natural logarithms of the stretches; ``log_hoop`` has the full
         broadcast shape.
         """
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
-        return elementwise_derivative(energy, log_hoop)
+        return _derivative_where_finite(energy, log_hoop)
 
     def axial_stress_difference(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, needed for the axial force.
@@ -179,7 +180,7 @@ class StrainEnergy(ABC):
         # The derivative is elementwise: each entry of the energy needs its own axial stretch.
         log_axial = log_axial + pt.zeros_like(log_hoop)
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
-        return elementwise_derivative(energy, log_axial)
+        return _derivative_where_finite(energy, log_axial)
 
     def reduced_energy(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         """Energy ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of the incompressible solid, kPa."""
@@ -358,6 +359,15 @@ def check_terms(terms: Any) -> int:
 def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:
     """Derivative ``∂y/∂x`` where each entry of `y` depends on the same entry of `x` only."""
     return grad(y.sum(), x, disconnected_inputs="ignore")
+
+
+def _derivative_where_finite(energy: Tensor, x: Tensor) -> Tensor:
+    """Derivative of the energy; not a finite number where the energy is not.
+
+    The formula of a derivative may be finite where the energy is not: that of ``ln x`` is ``1/x``.
+    """
+    slope = elementwise_derivative(energy, x)
+    return pt.where(pt.isfinite(energy) | pt.isinf(slope), slope, np.nan)
 
 
 def half_difference(log_hoop: Any, log_axial: Any) -> Tensor:
