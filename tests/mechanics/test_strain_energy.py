@@ -204,7 +204,7 @@ class Forbidding(Limited):
 
 @pytest.mark.parametrize("law", [Limited(), Forbidding()], ids=lambda law: law.name)
 def test_stress_is_not_finite_where_the_energy_of_a_user_is_not(law):
-    """Where the energy is finite, stress and radius are those of the law of the package."""
+    """Stress and radius are those of the law of the package wherever the energy is finite."""
     stretches, known = (np.log([1.1, 1.3]), np.log([1.05, 1.2])), {"mu": 20.0, "limit": 0.5}
     for name in ("stress_difference", "axial_stress_difference"):
         logs = map(pt.as_tensor, stretches)
