@@ -25,17 +25,13 @@ classified with classes that were fitted to the other seven mice.
 mean score is printed too.
 
 **Results.** For every animal, the evidence of the other animals prefers the law with fibres. Its
-mean log score is −0.54 ± 0.13, a little better than a coin toss; that of Ogden's law is −0.63 ±
-0.19. With inflation tests alone, the preferred law, the Criscione-type, had −0.73, and Ogden's law
-−0.68. The page :doc:`/project/probabilities` discusses the reasons.
+mean log score is −0.64 ± 0.17, that of a coin toss within its standard error; Ogden's law has −0.54
+± 0.13. With inflation tests alone, the preferred law, the Criscione-type, had −0.73, and Ogden's
+law −0.68. The page :doc:`/project/probabilities` discusses the reasons.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. The module :download:`murine_tables.py` reads
 them. Save it beside this script; it states where it looks for the tables.
-
-**The output and figures below are older than the code.** In them, an error of the thickness keeps
-the inner radius of the opened sector. It now keeps the outer radius of the closed ring, which was
-measured.
 """
 
 # sphinx_gallery_thumbnail_path = "stored/leave_one_animal_out_all_signals/true_class.png"
