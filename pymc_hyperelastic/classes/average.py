@@ -235,13 +235,7 @@ def average(
     evidence, share = logsumexp(terms, axis=0), softmax(terms, axis=0)
     errors = np.array([[p.log_evidence.standard_error for p in of_law] for of_law in predictions])
     own = np.array([[p.own_error for p in of_law] for of_law in predictions])
-    # An evidence with an infinite error may be of any size, even where its estimate is negligible:
-    # avoid 0 · inf.
-    with np.errstate(invalid="ignore"):
-        error, own = (
-            np.linalg.norm(np.where(np.isinf(each), np.inf, share * each), axis=0)
-            for each in (errors, own)
-        )
+    error, own = (error_of_mean(share, each) for each in (errors, own))
     of_laws = of_probability = np.full(len(evidence), np.inf)
     if laws.drawn is not None:
         drawn = logsumexp(laws.drawn[:, :, None] + values, axis=1)
@@ -266,6 +260,16 @@ def average(
             )
         )
     return averaged
+
+
+def error_of_mean(share: Array, errors: Array) -> Array:
+    """Return the error of a mean evidence from those of its terms and their shares, along axis 0.
+
+    An evidence with an infinite error may be of any size, even where its estimate is negligible:
+    the error of the mean is then infinite.
+    """
+    with np.errstate(invalid="ignore"):  # 0 · inf
+        return np.linalg.norm(np.where(np.isinf(errors), np.inf, share * errors), axis=0)
 
 
 def _error(drawn: Array, stated: Array) -> Array:

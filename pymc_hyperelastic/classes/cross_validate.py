@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.classes.average import Laws, labels_of
+from pymc_hyperelastic.classes.average import Laws, error_of_mean, labels_of
 from pymc_hyperelastic.classes.classification import is_unreliable, tabulate
 from pymc_hyperelastic.classes.fit import check_groups, manifest_of
 from pymc_hyperelastic.classes.interface import ClassKind, Fold, Groups
@@ -86,13 +86,13 @@ def cross_validate(
     -------
     xarray.Dataset
         ``class_probability`` and ``log_evidence``, with its standard error ``log_evidence_se``
-        (strain_energy, specimen, class_label), and ``log_score``, ``brier_score`` and ``verdict``
-        (strain_energy, specimen), the last of which is the reliability of the fits without the
-        specimen, or "not to be trusted" if an evidence of the specimen is unreliable, see
-        :func:`classify`. With variability also ``p_value``
-        (strain_energy, specimen, class_label). With several strain energies, the last entry of
-        ``strain_energy`` is ``"average"``, and the weights are ``strain_energy_probability``
-        (strain_energy, specimen) with the standard errors ``strain_energy_probability_se``.
+        (strain_energy, specimen, class_label), and ``log_score`` and ``brier_score``
+        (strain_energy, specimen). ``verdict`` (strain_energy, specimen) is the reliability of the
+        fits without the specimen. It is "not to be trusted" if an evidence of the specimen is
+        unreliable, see :func:`classify`. With variability also ``p_value`` (strain_energy,
+        specimen, class_label). With several strain energies, the last entry of ``strain_energy``
+        is ``"average"``, and the weights are ``strain_energy_probability`` (strain_energy,
+        specimen) with the standard errors ``strain_energy_probability_se``.
         Specimens have the coordinates ``true_class`` and ``left_out``, their label. Log evidences
         and log scores are in nats. For one strain energy, ``class_probability`` and ``true_class``
         can be passed to :func:`~pymc_hyperelastic.score_probabilities`, and its result to
@@ -319,9 +319,7 @@ def _tabulate(
         log_laws = np.stack([laws.log_probability for laws in of_specimen], axis=1)
         averaged, laws = logsumexp(value + log_laws[..., None], axis=0), np.exp(log_laws)
         shares = np.exp(value + log_laws[..., None] - averaged)
-        with np.errstate(invalid="ignore"):  # avoid 0 · inf: an infinite error remains
-            parts = np.where(np.isinf(error), np.inf, shares * error)
-        error = np.concatenate([error, np.linalg.norm(parts, axis=0)[None]])
+        error = np.concatenate([error, error_of_mean(shares, error)[None]])
         value = np.concatenate([value, averaged[None]])
         p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
         errors = np.stack([laws.probability_error for laws in of_specimen], axis=1)

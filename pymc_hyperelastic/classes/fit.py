@@ -133,7 +133,8 @@ def fit_classes(
     check_groups(groups)
     kind = kind_of_settings(energy, likelihood, priors, variability)
     seed = seed_kept(random_seed, store)
-    # The fit checks its arguments. A refused call makes no store, which would refuse the next one.
+    # This checks the arguments, before a store is made: the store of a refused call would refuse
+    # the corrected one. `remember` is called only when the first class is sampled.
     fits = kind.fit(groups, draws, chains, seed, progressbar, lambda *part: remember(*part))
     remember = remembering(
         store,
