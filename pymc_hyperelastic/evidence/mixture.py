@@ -187,14 +187,8 @@ def components_for(points: float, dimension: int) -> int:
 
     There are six at most, and two as soon as that is possible: for two mirrored modes.
     """
-    known = 6 * points / points_for_most(dimension)
-    return 1 if known < 1 else int(np.clip(known, 2, 6))
-
-
-def points_for_most(dimension: int) -> int:
-    """Number of points from which a mixture has the largest number of components."""
     parameters = (dimension + 1) * (dimension + 2) // 2
-    return 6 * 10 * parameters
+    return 1 if points < 10 * parameters else int(np.clip(points / (10 * parameters), 2, 6))
 
 
 def log_sum_exp(terms: Array) -> Array:

@@ -132,7 +132,8 @@ def _possible_draws(
 def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
     particles = np.resize(prior, (count, target.dimension))
-    settings = replace(HASTY, most_stages=_MOST_STAGES)
+    # Fitted to few places, mixtures have few components and are wide: their draws are the probes.
+    settings = replace(HASTY, most_stages=_MOST_STAGES, fitted_places=count)
     return TemperedSMC(GeometricPath(target), particles, rng, settings).run()
 
 

@@ -6,12 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.evidence.mixture import (
-    Array,
-    GaussianMixture,
-    components_for,
-    points_for_most,
-)
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.moves import HamiltonianMove, Move, RandomWalkMove
 from pymc_hyperelastic.evidence.path import GeometricPath, PathPoints
 from pymc_hyperelastic.evidence.weights import (
@@ -23,9 +18,6 @@ from pymc_hyperelastic.evidence.weights import (
 
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
-# Places to which a mixture is fitted, at least, unless particles have visited fewer, or fewer are
-# enough for all its components: with a few hundred it would often have a single one.
-_FITTED_PLACES = 2000
 
 
 @dataclass(frozen=True)
@@ -43,6 +35,9 @@ class Settings:
     Posteriors that come out right have had six such stages at most."""
     most_stages: float = np.inf
     """Stages after which :meth:`TemperedSMC.run` gives up."""
+    fitted_places: int = 2000
+    """Places to which a mixture is fitted, at least, unless particles have visited fewer: with a
+    few hundred it would often have a single component."""
 
 
 # For particles that need not be exact, but lead to others.
@@ -183,8 +178,7 @@ class TemperedSMC:
         power, possible = self.beta - beta, ratio > -np.inf
         log_weights = np.where(possible, power * np.where(possible, ratio, 0.0), -np.inf)
         weights = np.exp(log_weights - logsumexp(log_weights))
-        enough = min(_FITTED_PLACES, points_for_most(self.dimension))
-        count = min(len(points), max(self.draws, enough))
+        count = min(len(points), max(self.draws, self.settings.fitted_places))
         to_fit = points[systematic(weights, count, self.rng)]
         components = components_for(count, self.dimension)
         mixture = GaussianMixture.fit(to_fit, components, self.rng).heavy_tailed()
