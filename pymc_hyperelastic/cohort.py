@@ -44,6 +44,7 @@ from pymc_hyperelastic.models.likelihoods import (
     as_likelihood,
 )
 from pymc_hyperelastic.models.priors import (
+    FEW_DRAWS,
     prior_from_record,
     prior_to_record,
     priors_from_records,
@@ -56,8 +57,6 @@ from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
-# Draws whose curves are compared with quadrature: a few show whether the integrator suits them.
-_COMPARED = 16
 
 
 @dataclass(frozen=True)
@@ -234,7 +233,7 @@ class _Model:
 
     def materials(self, posterior: Mapping[str, Any]) -> list[dict[str, Any]]:
         """Return some draws of the material parameters, and of the unknown geometry."""
-        some = {name: values[:_COMPARED] for name, values in posterior.items()}
+        some = {name: values[:FEW_DRAWS] for name, values in posterior.items()}
         return [{n: some[n] for n in names if n in some} for names in self.forward.unknown]
 
 

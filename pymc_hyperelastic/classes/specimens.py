@@ -46,6 +46,7 @@ from pymc_hyperelastic.models.population import (
     register_tests,
     tests_of,
 )
+from pymc_hyperelastic.models.priors import FEW_DRAWS
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
 Array = NDArray[np.float64]
@@ -54,8 +55,6 @@ Array = NDArray[np.float64]
 PARTICLES = 2000
 # Fraction of the first draws that is kept when a specimen is sampled a second time.
 _KEPT_FRACTION = 0.25
-# Number of particles whose curves are compared with quadrature.
-_CHECKED_MATERIALS = 16
 
 
 # An integral over the parameters of a specimen, and its target density.
@@ -193,7 +192,7 @@ class SpecimenSampler:
             if forward is not self.forward:
                 sampler = SpecimenSampler(self.population, forward, self.reference)
             found, target = take(sampler)
-            return (found, target), (data, self._parameters(found.particles[:_CHECKED_MATERIALS]))
+            return (found, target), (data, self._parameters(found.particles[:FEW_DRAWS]))
 
         (found, target), accurate = until_accurate(self.forward, with_curves, LARGEST_CURVE_ERROR)
         if accurate:

@@ -184,6 +184,16 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
+    sample = sampler(expressions)
+    return lambda count, rng: dict(zip(names, sample(count, rng), strict=True))
+
+
+@without_traces
+def sampler(expressions: Sequence[Variable]) -> Callable[[int, np.random.Generator], list[Array]]:
+    """Compile a function of a number and a generator: independent draws of random expressions.
+
+    The values of each expression are along its first axis, draws of one point in the same place.
+    """
     at_once = all(_draws_batches(v.owner) for v in ancestors(expressions) if is_random(v))
 
     def batch() -> tuple[list[TensorVariable], list[Variable]]:
@@ -194,9 +204,9 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
         for variable in ancestors(outputs):
             if isinstance(variable, TensorConstant):
                 variable.unique_value
-        return [count], outputs
+        return [count], list(outputs)
 
-    function, shared = _compile([], expressions, batch, ("prior",), mode=IN_NUMPY)
+    function, shared = _compile([], expressions, batch, ("draws",), mode=IN_NUMPY)
 
     def value(variable: SharedVariable, rng: np.random.Generator) -> Any:
         """Value of a shared variable; of a random generator a new one."""
@@ -207,14 +217,12 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
     def draw(count: int, rng: np.random.Generator) -> list[Array]:
         return function(count, *(value(v, rng) for v in shared))
 
-    def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
+    def sample(count: int, rng: np.random.Generator) -> list[Array]:
         if at_once:
-            values = draw(count, rng)
-        else:
-            # A distribution that is made of others cannot always be drawn as a batch.
-            each = [draw(1, rng) for _ in range(count)]
-            values = [np.stack(v) for v in zip(*each, strict=True)]
-        return dict(zip(names, values, strict=True))
+            return draw(count, rng)
+        # A distribution that is made of others cannot always be drawn as a batch.
+        each = [draw(1, rng) for _ in range(count)]
+        return [np.stack(values) for values in zip(*each, strict=True)]
 
     return sample
 
