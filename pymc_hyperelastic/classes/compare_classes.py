@@ -22,6 +22,7 @@ from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.joint import Apart
 from pymc_hyperelastic.classes.quantities import (
     MOST_LACKING,
+    beyond_measured,
     complete_conditions,
     known_quantities,
     unit_of,
@@ -158,6 +159,9 @@ def compare_classes(
         ``lacking`` : fraction of the specimens of a group without the quantity, because they do not
         reach the pressure. These specimens are left out of the other variables.
 
+        ``extrapolated`` : True where a property is compared at a pressure beyond all that were
+        measured on the tubes of a group.
+
         ``draws`` : posterior draws of ``value``.
 
         With `pair`, also ``effect_size_of_change``, the difference in units of the spread of
@@ -171,8 +175,8 @@ def compare_classes(
     Warns
     -----
     UserWarning
-        If some specimens lack a quantity, groups and covariates are collinear, or the fit of a
-        class is not to be trusted.
+        If some specimens lack a quantity, a pressure is beyond all that were measured on the tubes
+        of a group, groups and covariates are collinear, or the fit of a class is not to be trusted.
 
     Raises
     ------
@@ -260,6 +264,7 @@ def compare_classes(
     result = result.assign(_spreads(by_law[likely].kind, found[likely].distributions, ci_prob))
     if by_law[0].covariates.names:
         result = result.assign(_effects(by_law[likely], found[likely].effects, ci_prob))
+    result = result.assign(extrapolated=_extrapolated(result["lacking"], trees[0], at))
     return _described(result, by_law, at, labels_of(kinds), ci_prob)
 
 
@@ -330,6 +335,15 @@ def _warn_of_lacking(result: xr.Dataset) -> None:
                     f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there; "
                     "results are those of the other specimens"
                 )
+
+
+def _extrapolated(lacking: xr.DataArray, groups: xr.DataTree, at: Conditions) -> xr.DataArray:
+    """Return whether a pressure is beyond all that were measured on the tubes of a group."""
+    found = xr.zeros_like(lacking, bool)
+    names = lacking["quantity"].values.tolist()
+    for (group, name), flags in beyond_measured(groups, names, at).items():
+        found.loc[{"group": group, "quantity": name}] = flags.points
+    return found
 
 
 def _spreads(

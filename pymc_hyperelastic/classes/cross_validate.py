@@ -202,7 +202,8 @@ def _units(
             f"{type(leave_out).__name__}"
         )
     units = {str(specimen): unit for specimen, unit in leave_out.items()}
-    lacking = [specimen for specimen in true_class if specimen not in units]
+    nan = float("nan")  # differs from itself
+    lacking = [s for s in true_class if units.get(s, nan) != units.get(s, nan)]
     if lacking:
         raise ValueError(
             f"leave_out has no label for specimen {lacking[0]!r}: give one for each specimen"

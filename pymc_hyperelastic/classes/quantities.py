@@ -20,6 +20,7 @@ from pymc_hyperelastic.mechanics.reference_tube import Tube
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of, named_layers
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
+from pymc_hyperelastic.predictions.measured import Extrapolated, beyond_pressures, warned
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
@@ -180,7 +181,8 @@ def complete_conditions(
     """Return the conditions for these quantities, with all measures of one tube.
 
     Measures of the tube that are not stated are medians over specimens, each of which is
-    represented by the median of its tests. Warns of implausibly large pressures.
+    represented by the median of its tests. Warns of implausibly large pressures, and of pressures
+    that were not measured.
 
     Raises
     ------
@@ -189,8 +191,9 @@ def complete_conditions(
         place of `one_pressure`.
     """
     at = as_conditions(at)
-    between = [name for name in names if name in BETWEEN_PRESSURES]
-    wanted = [name for name in names if name in PROPERTIES and name not in between]
+    bare = [name.removeprefix(_LOG_PREFIX) for name in names]
+    between = [name for name in bare if name in BETWEEN_PRESSURES]
+    wanted = [name for name in bare if name in PROPERTIES and name not in between]
     if wanted and at.pressure is None:
         raise ValueError(
             f"{wanted[0]} depends on the pressure: give at=..., pressures in kPa, or with their "
@@ -222,4 +225,26 @@ def complete_conditions(
     at = replace(at, pressure=0.0 if at.pressure is None else at.pressure, tube=Tube(**tube))
     if one_pressure and len(at.pressures) > 1:
         raise ValueError(f"at states the pressures {at.pressures.tolist()}; expected one pressure")
+    for found in beyond_measured(groups, names, at).values():
+        warned(found)
     return at
+
+
+def beyond_measured(
+    groups: xr.DataTree, names: Sequence[str], at: Conditions
+) -> dict[tuple[str, str], Extrapolated]:
+    """Flag pressures beyond all that were measured on tubes of a group, by group and property."""
+    flags = {}
+    for group, fitted in groups.children.items():
+        tests = tubes_of(inflation_data_of(fitted))
+        for name in names if tests is not None else ():
+            bare = name.removeprefix(_LOG_PREFIX)
+            if bare in BETWEEN_PRESSURES:
+                found = beyond_pressures(at.range_in_kilopascal("ignore"), tests)
+                found = found._replace(points=np.full(len(at.pressures), found.points.any()))
+            elif bare in PROPERTIES:
+                found = beyond_pressures(at.in_kilopascal("ignore"), tests)
+            else:
+                continue
+            flags[group, name] = found._replace(of_class=group)
+    return flags

@@ -130,7 +130,7 @@ def tube_of(
     """
     inner, outer, axial_stretch, opening_angle = map(double, reference)
     geometry = dict(zip(UNLOADED, (inner, axial_stretch, opening_angle), strict=True))
-    if isinstance(energy, str) or not isinstance(energy, Sequence):
+    if not isinstance(energy, Sequence):
         check_energy(energy)
         if outer is None:
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")
@@ -182,6 +182,8 @@ def check_geometry(**geometry: Any) -> None:
 
 def check_layers(layers: Sequence[Any]) -> None:
     """Raise TypeError unless `layers` is a sequence of at least one :class:`Layer`."""
+    if isinstance(layers, str):  # a sequence, too
+        check_energy(layers)
     others = [layer for layer in layers if not isinstance(layer, Layer)]
     if others or not layers:
         raise TypeError(

@@ -179,6 +179,14 @@ def measured_by(tests: xr.Dataset) -> Measured | None:
     return Measured(tubes, joined["radius"], joined["axial_stretch"], joined["pressure"])
 
 
+def beyond_pressures(pressure: Array, tests: xr.Dataset) -> Extrapolated:
+    """Flag pressures, kPa, that are lower or higher than all that were measured in tests."""
+    measured = tests["pressure"].values
+    beyond = ~_between(pressure, measured.min(), measured.max())
+    words = f"pressure {_in_both_units(pressure[beyond])}, measured {_in_both_units(measured)}"
+    return Extrapolated(beyond, words)
+
+
 def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
     """Warn if any point is extrapolated, and return the argument."""
     if extrapolated is not None and extrapolated.points.any():

@@ -47,6 +47,9 @@ def _check(result: xr.Dataset, page: Page) -> None:
                 f"{name}; the result describes the others"
             )
             page.notice(CAUTION, words, "Compare at a lower pressure, which all of them reach")
+        if "extrapolated" in own and own["extrapolated"].any():
+            words = f"{name} is compared at a pressure that was not measured in every group"
+            page.notice(CAUTION, words, "Compare at a measured pressure, or measure there")
         if bool(typical["difference"].isnull().any()):
             words = f"the difference of {name} is unknown"
             page.notice(CAUTION, words, "Compare at a pressure that the specimens reach")

@@ -186,7 +186,7 @@ def test_sensitivities_equal_psense_of_the_closed_form_of_the_model(scale, resul
 
 def test_properties_equal_tube_properties_and_burst_tubes_are_counted(classes):
     """Some soft tubes burst below 6 kPa and have no compliance."""
-    pressure = [1.0, 6.0]
+    pressure = [2.5, 6.0]
     quantities = ["compliance", "log compliance"]
     with pytest.warns(UserWarning, match="have no") as warned:
         result = compare(classes, quantities, at=pressure, draws=100, specimens=16)
@@ -195,15 +195,36 @@ def test_properties_equal_tube_properties_and_burst_tubes_are_counted(classes):
     words = f"class 'soft': {float(lacking.sel(group='soft')):.1%} of its specimens have no compl"
     assert str(warned[0].message).startswith(words)
     assert json.loads(result.attrs["tube"]) == TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
-    draws = result["draws"].sel(group="stiff", statistic="typical", pressure=1.0)
+    draws = result["draws"].sel(group="stiff", statistic="typical", pressure=2.5)
     location = classes["stiff"]["posterior"]["location"].values.ravel()
     mu = modulus(location[np.linspace(0, 999, 100).round().astype(int)])
-    at = ph.Conditions(1.0, tube=ph.Tube(**TUBE))
+    at = ph.Conditions(2.5, tube=ph.Tube(**TUBE))
     tube = ph.tube_properties(posterior(mu=mu), at, energy=ph.NeoHookean())
     found = draws.sel(quantity="compliance").values.ravel()
     np.testing.assert_allclose(found, tube["compliance"].values.ravel(), rtol=1e-6)
     logs = draws.sel(quantity="log compliance")
     np.testing.assert_allclose(np.exp(logs), draws.sel(quantity="compliance"))
+
+
+def test_properties_beyond_the_measured_pressures_are_flagged_and_warned_of(classes):
+    """The lowest pressure of the soft group is 1.06 kPa, that of the stiff one 2.26 kPa."""
+    with pytest.warns(UserWarning, match="extrapolated") as warned:
+        result = compare(classes, ["radius", "mu"], at=[0.9, 2.0], draws=100, specimens=16)
+    soft, stiff = (str(w.message) for w in warned)
+    assert soft.startswith("class 'soft': 1 of 2 points is extrapolated: pressure 0.9 kPa (6.75")
+    assert stiff.startswith("class 'stiff': 2 of 2 points are extrapolated: pressure 0.9 to 2 kPa")
+    flags = result["extrapolated"].transpose("group", "quantity", "pressure")
+    assert flags.values.tolist() == [
+        [[True, False], [False, False]],
+        [[True, True], [False, False]],
+    ]
+
+
+def test_logarithm_of_a_property_needs_a_pressure_as_the_property_does(classes):
+    with pytest.raises(ValueError, match="compliance depends on the pressure"):
+        compare(classes, "log compliance")
+    with pytest.raises(ValueError, match="stored_energy_change depends on two pressures"):
+        compare(classes, "log stored_energy_change", at=1.0)
 
 
 @pytest.fixture
@@ -274,17 +295,19 @@ def test_default_tube_has_the_median_measures_of_the_specimens(classes):
     ],
 )
 def test_pressures_in_mmhg_that_are_stated_as_kilopascals_give_one_warning(classes, quantity, at):
-    with pytest.warns(UserWarning, match="is 100 kPa, 750 mmHg; .*='mmHg'$") as said:
+    in_mmhg = pytest.warns(UserWarning, match="is 100 kPa, 750 mmHg; .*='mmHg'$")
+    with pytest.warns(UserWarning, match="extrapolated"), in_mmhg as said:
         complete_conditions(classes, [quantity, X], at)
-    assert len(said) == 1
+    assert sum("expected at most" in str(one.message) for one in said) == 1
 
 
 def test_stored_energy_change_needs_only_a_pressure_range(classes):
     """The change of the stored energy is the difference of the energies at both pressures."""
     few = {"draws": 100, "specimens": 8}
-    ends = compare(classes, "stored_energy", at=[0.2, 0.4], **few)["draws"]
     between = ph.Conditions(pressure_range=(0.2, 0.4))
-    compared = compare(classes, "stored_energy_change", at=between, **few)
+    with pytest.warns(UserWarning, match="extrapolated"):
+        ends = compare(classes, "stored_energy", at=[0.2, 0.4], **few)["draws"]
+        compared = compare(classes, "stored_energy_change", at=between, **few)
     assert compared.attrs["words"] == (
         "differences compared, without a correction for multiple comparisons: 1. If no groups "
         "differ, 0.05 of their 95 % intervals are expected to exclude 0"

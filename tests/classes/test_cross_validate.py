@@ -174,8 +174,10 @@ def test_wrong_input_is_refused_before_sampling():
     for settings, error, message in (
         ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\).*call the class"),
         ({"energy": ()}, ValueError, "energy holds no strain energy"),
+        ({"energy": "Demiray"}, TypeError, r"such as ph\.Ogden\(\), got 'Demiray'"),
         ({"leave_out": SPECIMENS}, TypeError, "leave_out must be a dict .*not list"),
         ({"leave_out": {"A1": "x"}}, ValueError, "leave_out has no label for specimen 'A2'"),
+        ({"leave_out": dict.fromkeys(SPECIMENS, np.nan)}, ValueError, "no label for specimen 'A1'"),
         ({"leave_out": dict.fromkeys(SPECIMENS, "x")}, ValueError, "'soft' has no specimen left"),
         ({"groups": SMALL | third}, ValueError, "'third' has no specimen left without 'C1'"),
         (

@@ -118,7 +118,8 @@ def test_lines_connect_the_specimens_of_an_animal():
 
 def test_curves_and_bands_equal_the_values_of_the_groups():
     pressure = [1.0, 2.0, 3.0]
-    with pytest.warns(UserWarning, match="have no compliance there"):
+    lacking = pytest.warns(UserWarning, match="have no compliance there")
+    with pytest.warns(UserWarning, match="extrapolated"), lacking:
         result = compare("compliance", at=pressure)
     figure = ph.plot_comparison(result, backend="none", statistic="mean")
     line, band = (

@@ -49,7 +49,8 @@ def results():
     """Return all results of a study: classes, classification, comparisons, cross-validation."""
     variable, few = few_draws(), {"draws": 100, "random_seed": 1}
     at = {"at": [1.0, 4.0], "effect_prior": None}
-    with pytest.warns(UserWarning, match="have no compliance there"):
+    lacking = pytest.warns(UserWarning, match="have no compliance there")
+    with pytest.warns(UserWarning, match="extrapolated"), lacking:
         compliance = ph.compare_classes(variable, "compliance", **at, **few)
     compared = ph.compare_classes(variable, "mu", **few)
     results = {"Classes": variable, "New": classify(NEW, variable), "Left out": left_out()}
@@ -77,6 +78,7 @@ def test_report_of_a_study_has_all_chapters(page):
     assert "Left out: the score with NeoHookean is unknown: B2." in page.warnings
     warned = "the fit of NeoHookean without it, or its own evidence, is not to be trusted: B1."
     assert f"Left out: {warned}" in page.warnings
+    assert "compliance is compared at a pressure that was not measured in every" in page.warnings
     headings, rows = page.table("Specimens that were left out")
     assert headings[1] == "true group"  # the law is the same in all rows
     assert rows[1][1:6] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
