@@ -180,7 +180,9 @@ class _Fit:
             texts = filter(None, [self.evidence[DOUBTFUL], *said])
             variables[DOUBTFUL] = (by, ["; ".join(texts)], {GROUP: "evidence"})
         coords = labels_of(data, by) | {"chain": [0], "draw": np.arange(work.draws)}
-        return xr.Dataset(variables, coords)
+        laws = [layer.strain_energy for layer in ModelSettings.of(work.energy).layers]
+        origin = {name: data.attrs[name] for name in ("title", "simulated") if name in data.attrs}
+        return xr.Dataset(variables, coords, origin | {"strain_energy": ", ".join(laws)})
 
     def _properties(self, work: Fitting, at: Conditions, data: xr.Dataset) -> dict[str, Any]:
         posterior = posterior_of({name: values[None] for name, values in self.posterior.items()})

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pymc as pm
 import xarray as xr
 from numpy.typing import NDArray
 from scipy import stats
@@ -31,6 +30,7 @@ from pymc_hyperelastic.classes.sensitivity import power_scaling
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.priors import PRIOR_DRAWS, draws_of
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
@@ -43,8 +43,6 @@ type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]
 # to that of the difference of locations, in spreads. If locations of two groups typically differ by
 # one spread, their spreads typically differ by a factor of exp(0.5) = 1.6.
 _LOG_SPREAD_RATIO = 0.5
-# Number of prior draws from which the median and interval of a prior spread are computed.
-_PRIOR_DRAWS = 4000
 
 
 @one_thread
@@ -356,11 +354,11 @@ def _spreads(
     if prior is None:
         logs, sd = kind.scale.spread_prior
         drawn = np.exp(
-            logs[:, None] + sd * stats.norm.ppf((np.arange(_PRIOR_DRAWS) + 0.5) / _PRIOR_DRAWS)
+            logs[:, None] + sd * stats.norm.ppf((np.arange(PRIOR_DRAWS) + 0.5) / PRIOR_DRAWS)
         )
     else:
-        drawn = pm.draw(prior, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
-        drawn = np.broadcast_to(drawn.reshape(_PRIOR_DRAWS, -1), (_PRIOR_DRAWS, spread.shape[1])).T
+        (drawn,) = draws_of([prior], PRIOR_DRAWS)
+        drawn = np.broadcast_to(drawn.reshape(PRIOR_DRAWS, -1), (PRIOR_DRAWS, spread.shape[1])).T
     expected = xr.DataArray(drawn, dims=("coordinate", "draw"))
     found = {
         "coordinate_spread": values.median("draw"),

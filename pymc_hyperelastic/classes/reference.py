@@ -8,13 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pymc as pm
 from numpy.typing import NDArray
 from scipy import stats
 
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.geometry import deviation_name
 from pymc_hyperelastic.models.population import Population, log_noise_name
+from pymc_hyperelastic.models.priors import PRIOR_DRAWS, draws_of
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, mean_density
 
 Array = NDArray[np.float64]
@@ -25,8 +25,6 @@ _REFERENCE_WIDTH = 2.0
 _REFERENCE_EFFECT_SPREAD = 1.0
 # Least spread of the log size of an error in the reference distribution.
 _LEAST_NOISE_SPREAD = 0.5
-# Number of prior draws from which the mean and the spread of the log size of an error are computed.
-_NOISE_DRAWS = 2000
 
 
 def reference_of(population: Population) -> ClassDistribution:
@@ -38,8 +36,7 @@ def reference_of(population: Population) -> ClassDistribution:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _REFERENCE_EFFECT_SPREAD}
     inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
-        drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
-        logs = np.log(drawn)
+        logs = np.log(draws_of(inferred, PRIOR_DRAWS))
         spreads = np.hypot(logs.std(axis=1), _LEAST_NOISE_SPREAD)
         optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)

@@ -291,9 +291,9 @@ def draws_of(expressions: Sequence[Tensor], draws: int) -> list[NDArray]:
         return sampler(expressions)(draws, np.random.default_rng(1))
 
 
-def positive_draws(name: str, prior: Tensor, count: int = PRIOR_DRAWS) -> NDArray[np.float64]:
+def positive_draws(name: str, prior: Tensor) -> NDArray[np.float64]:
     """Return draws from the prior of a quantity; ValueError unless all are positive."""
-    (draws,) = draws_of([prior], count)
+    (draws,) = draws_of([prior], PRIOR_DRAWS)
     if not draws.min() > 0:  # also if draws are NaN
         raise ValueError(
             f"the prior of {name!r} has draws such as {draws.min():.3g}; expected a distribution "

@@ -51,8 +51,6 @@ from pymc_hyperelastic.models.priors import (
 
 # Variables of a model that hold the posterior moments of each test's offset.
 OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
-# Draws of an inferred size: they miss values of probability 0.5 % one time in 150.
-_DRAWS = 1000
 
 
 @dataclass(frozen=True, repr=False)
@@ -335,7 +333,7 @@ def _check_positive(name: str, size: TensorVariable) -> None:
     with a flat prior cannot be drawn, and is not checked.
     """
     with suppress(MissingInputError, NotImplementedError):
-        positive_draws(name, size, _DRAWS)
+        positive_draws(name, size)
 
 
 def _check_errors_of(
