@@ -14,7 +14,7 @@ from scipy import stats
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.geometry import deviation_name
 from pymc_hyperelastic.models.population import Population, log_noise_name
-from pymc_hyperelastic.models.priors import PRIOR_DRAWS, draws_of
+from pymc_hyperelastic.models.priors import RANGE_DRAWS, draws_of
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, mean_density
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def reference_of(population: Population) -> ClassDistribution:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _REFERENCE_EFFECT_SPREAD}
     inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
-        logs = np.log(draws_of(inferred, PRIOR_DRAWS))
+        logs = np.log(draws_of(inferred, RANGE_DRAWS))
         spreads = np.hypot(logs.std(axis=1), _LEAST_NOISE_SPREAD)
         optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)

@@ -21,6 +21,7 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import Parameter, StrainEnergy
 from pymc_hyperelastic.models.moduli import has_additive_stress, moduli_by_ratio, moduli_by_stress
 from pymc_hyperelastic.models.priors import (
+    PRIOR_DRAWS,
     complete_layers,
     is_inferred,
     positive_draws,
@@ -298,7 +299,7 @@ class _Material:
 @lru_cache(maxsize=128)
 def _prior_of_thickness(name: str, distribution: TensorVariable) -> _Prior:
     """Priors of ``ln h``, whose location has the moments of the distribution."""
-    logs = np.log(positive_draws(name, distribution))
+    logs = np.log(positive_draws(name, distribution, PRIOR_DRAWS))
     return _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
 
 

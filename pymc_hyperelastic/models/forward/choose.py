@@ -27,12 +27,10 @@ from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
 from pymc_hyperelastic.models.moduli import has_additive_stress
-from pymc_hyperelastic.models.priors import FEW_DRAWS, draws_of
+from pymc_hyperelastic.models.priors import FEW_DRAWS, RANGE_DRAWS, draws_of
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
-# Draws of the prior for which an integrator must be accurate, with as many points of their box.
-_DRAWS = 1000
 # Materials whose pressures exceed the largest measured one by this factor do not count, because
 # their likelihood is nil.
 BEYOND = 10.0
@@ -89,7 +87,7 @@ def choose_integrator(
         in_any = np.flatnonzero(possible.any(axis=0))
         if len(in_any) >= fewest and not extension_tests(data).any():
             found = _chebyshev(tabulated, walls, data, walls.some(in_any))
-        draws, many = in_all[in_all < _DRAWS], data.sizes["obs"] >= _MANY_POINTS
+        draws, many = in_all[in_all < RANGE_DRAWS], data.sizes["obs"] >= _MANY_POINTS
         if found is None and len(draws) >= FEW_DRAWS and (many or mode == "collocation"):
             found = _select_nodes(tabulated, walls.some(draws), data, inaccurate)
         if found is not None:
@@ -115,7 +113,7 @@ def draws_of_prior(wall: WallVariables, tests: int) -> WallVariables:
     for value in wall.unknown:  # such as pm.Data, which may be set to any value later
         if not any(map(is_random, ancestors([value]))):
             raise NotImplementedError(f"{value} depends on no random variable")
-    draws = draws_of(wall.unknown, _DRAWS) if wall.unknown else []
+    draws = draws_of(wall.unknown, RANGE_DRAWS) if wall.unknown else []
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
     return wall.with_values(values, tests)
 
