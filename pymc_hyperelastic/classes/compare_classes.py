@@ -157,8 +157,7 @@ def compare_classes(
         ``lacking`` : fraction of the specimens of a group without the quantity, because they do not
         reach the pressure. These specimens are left out of the other variables.
 
-        ``extrapolated`` : True where a property is compared at a pressure beyond all that were
-        measured on the tubes of a group.
+        ``extrapolated`` : True at a pressure beyond all that were measured on tubes of a group.
 
         ``draws`` : posterior draws of ``value``.
 
@@ -249,8 +248,7 @@ def compare_classes(
     likely = int(np.argmax(laws.log_probability))
     alone = summary(of_laws[likely], ci_prob) if len(of_laws) > 1 else result
     log_prior, log_likelihood = found[likely].powers
-    scaling = power_scaling(differences(alone), log_prior, log_likelihood)
-    result = result.assign(scaling)
+    result = result.assign(power_scaling(differences(alone), log_prior, log_likelihood))
     if effect_prior is not None:
         apart = Apart(effect_prior, effect_prior * _LOG_SPREAD_RATIO)
         factors = [
@@ -262,7 +260,10 @@ def compare_classes(
     result = result.assign(_spreads(by_law[likely].kind, found[likely].distributions, ci_prob))
     if by_law[0].covariates.names:
         result = result.assign(_effects(by_law[likely], found[likely].effects, ci_prob))
-    result = result.assign(extrapolated=_extrapolated(result["lacking"], trees[0], at))
+    flags = xr.zeros_like(result["lacking"], bool)
+    for (group, name), beyond in beyond_measured(trees[0], names, at).items():
+        flags.loc[{"group": group, "quantity": name}] = beyond.points
+    result = result.assign(extrapolated=flags)
     return _described(result, by_law, at, labels_of(kinds), ci_prob)
 
 
@@ -324,24 +325,13 @@ def _averaged(factors: Sequence[Sequence[Estimate]], laws: Laws) -> dict[str, An
 
 def _warn_of_lacking(result: xr.Dataset) -> None:
     """Warn for each group and quantity that too many specimens lack."""
-    lacking = result["lacking"].max("pressure")
-    for group in lacking["group"].values:
-        for name in lacking["quantity"].values:
-            share = float(lacking.sel(group=group, quantity=name))
-            if share > MOST_LACKING:
-                warn_user(
-                    f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there; "
-                    "results are those of the other specimens"
-                )
-
-
-def _extrapolated(lacking: xr.DataArray, groups: xr.DataTree, at: Conditions) -> xr.DataArray:
-    """Return whether a pressure is beyond all that were measured on the tubes of a group."""
-    found = xr.zeros_like(lacking, bool)
-    names = lacking["quantity"].values.tolist()
-    for (group, name), flags in beyond_measured(groups, names, at).items():
-        found.loc[{"group": group, "quantity": name}] = flags.points
-    return found
+    lacking = result["lacking"].max("pressure").transpose("group", "quantity")
+    for (group, name), share in lacking.to_series().items():
+        if share > MOST_LACKING:
+            warn_user(
+                f"class {group!r}: {share:.1%} of its specimens have no {name} there; "
+                "results are those of the other specimens"
+            )
 
 
 def _spreads(
@@ -353,9 +343,8 @@ def _spreads(
     prior = kind.priors.get("spread") if kind.priors else None
     if prior is None:
         logs, sd = kind.scale.spread_prior
-        drawn = np.exp(
-            logs[:, None] + sd * stats.norm.ppf((np.arange(PRIOR_DRAWS) + 0.5) / PRIOR_DRAWS)
-        )
+        normal = stats.norm.ppf((np.arange(PRIOR_DRAWS) + 0.5) / PRIOR_DRAWS)
+        drawn = np.exp(logs[:, None] + sd * normal)
     else:
         (drawn,) = draws_of([prior], PRIOR_DRAWS)
         drawn = np.broadcast_to(drawn.reshape(PRIOR_DRAWS, -1), (PRIOR_DRAWS, spread.shape[1])).T
