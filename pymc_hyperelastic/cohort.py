@@ -116,6 +116,7 @@ class Fits:
     def __init__(self, work: Fitting) -> None:
         wall, *unknown = work.stated()
         self._work = work
+        self._law = " in ".join(ModelSettings.of(work.energy).laws)
         self._forward = work.likelihood.forward_model(wall, work.like, *unknown)
         self._models: dict[tuple[int, bool, bool], _Model] = {}
 
@@ -129,7 +130,8 @@ class Fits:
                 rows.append(self._row(own, label))
             except (ValueError, ArithmeticError) as error:
                 rows.append(failure(own, by, str(error)))
-        return joined(rows, by)
+        origin = {name: data.attrs[name] for name in ("title", "simulated") if name in data.attrs}
+        return joined(rows, by).assign_attrs(origin, law=self._law)
 
     def _row(self, data: xr.Dataset, label: str) -> xr.Dataset:
         seed = seed_of(seed_sequence(self._work.random_seed), label)
@@ -180,9 +182,7 @@ class _Fit:
             texts = filter(None, [self.evidence[DOUBTFUL], *said])
             variables[DOUBTFUL] = (by, ["; ".join(texts)], {GROUP: "evidence"})
         coords = labels_of(data, by) | {"chain": [0], "draw": np.arange(work.draws)}
-        laws = [layer.strain_energy for layer in ModelSettings.of(work.energy).layers]
-        origin = {name: data.attrs[name] for name in ("title", "simulated") if name in data.attrs}
-        return xr.Dataset(variables, coords, origin | {"strain_energy": ", ".join(laws)})
+        return xr.Dataset(variables, coords)
 
     def _properties(self, work: Fitting, at: Conditions, data: xr.Dataset) -> dict[str, Any]:
         posterior = posterior_of({name: values[None] for name, values in self.posterior.items()})

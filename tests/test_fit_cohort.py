@@ -56,7 +56,7 @@ def test_evidence_of_a_specimen_equals_quadrature(fitted):
     assert abs(evidence["log_evidence"].item() - exact.value) < STANDARD_ERRORS * error + 1e-3
     assert evidence["error"].item() == ""
     assert evidence["log_evidence_se"].item() < 0.05
-    assert fitted.attrs == {"title": STUDY.title, "simulated": 1, "strain_energy": "Ogden"}
+    assert fitted.attrs == {"title": STUDY.title, "simulated": 1, "law": "Ogden"}
 
 
 def test_posterior_and_properties_of_a_specimen_equal_a_sampled_model(fitted):

@@ -202,8 +202,8 @@ def _units(
             f"{type(leave_out).__name__}"
         )
     units = {str(specimen): unit for specimen, unit in leave_out.items()}
-    nan = float("nan")  # differs from itself
-    lacking = [s for s in true_class if units.get(s, nan) != units.get(s, nan)]
+    # NaN, as of an empty cell of a table, differs from itself.
+    lacking = [s for s in true_class if s not in units or units[s] != units[s]]
     if lacking:
         raise ValueError(
             f"leave_out has no label for specimen {lacking[0]!r}: give one for each specimen"

@@ -79,11 +79,11 @@ class NaturalScale:
     A positive parameter is replaced by its logarithm, and one between two bounds by its logit. If a
     reference stress ``T₀`` is given, the first modulus is replaced by the logarithm of a strain:
 
-    - One modulus: the hoop strain :math:`\ln λ_θ` at which :math:`T_θ = T_0` and ``λz = 1``.
-    - Several moduli, additive stress (see
-      :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`): the equibiaxial strain ``e`` at
-      which the mean of ``Tθ`` and ``Tz`` is ``T₀``. Each other modulus is replaced by the logarithm
-      of its stress over that of the first. With the stress ``t_i`` of a modulus of 1 kPa
+    - One modulus: this is the hoop strain :math:`\ln λ_θ` where :math:`T_θ = T_0` and ``λz = 1``.
+    - Several moduli and an additive stress, see
+      :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`: this is the equibiaxial strain
+      ``e``. The mean of ``Tθ`` and ``Tz`` is ``T₀`` there. Each other modulus is replaced by the
+      logarithm of its stress over that of the first. With the stress ``t_i`` of a modulus of 1 kPa
 
       .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i .
 

@@ -41,7 +41,7 @@ def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
     others = f"; {plural(int(failed.sum()), 'other')} could not be sampled" if failed.any() else ""
     count = plural(int((~failed).sum()), "specimen")
     page.methods.append(f"The posteriors of {count} were sampled one by one{others}.")
-    law = tree.attrs.get("strain_energy", "The law")
+    law = tree.attrs.get("law", "The law")
     page.values.append(f"{law} was fitted to {count}, one by one{others}.")
     methods = evidence["method"].to_series() if "method" in evidence else pd.Series([], dtype=str)
     counts = methods.where(~failed, "not sampled").value_counts().sort_index()

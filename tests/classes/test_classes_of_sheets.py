@@ -8,9 +8,6 @@ import pytest
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 LAW = ph.Ogden()
 TUBE = ph.Tube(1.0, 1.3, axial_stretch=1.2)
 STRESS_SD, PRESSURE_SD = 2.0, 0.3  # kPa

@@ -19,9 +19,6 @@ from pymc_hyperelastic.classes.joint import Apart, Joint
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, standard_specimens
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 SEED = 913
 X = "log_reference_strain"
 DRAWS = 400
@@ -366,7 +363,7 @@ def test_standard_specimens_have_zero_mean_and_unit_covariance():
 
 
 @pytest.mark.deep
-@pytest.mark.filterwarnings("ignore:.*have no compliance there")
+@pytest.mark.filterwarnings("ignore:.*have no compliance there", "ignore:.*extrapolated")
 def test_draws_of_each_law_are_in_proportion_to_its_probability(classes):
     """The fixture is compared with Demiray's law, of two parameters."""
     other = fit(ph.Demiray(), draws=500, chains=1)

@@ -15,9 +15,6 @@ from pymc_hyperelastic.evidence import integral
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.tempering import Settings, TemperedSMC
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 GIVEN_UP = "B2"
 STANDARD_ERRORS = 3
 

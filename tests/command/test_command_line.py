@@ -21,9 +21,6 @@ from pymc_hyperelastic.command import commands
 from pymc_hyperelastic.command.main import main
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 MESSY = Path(__file__).parents[1] / "data" / "messy"
 
 

@@ -30,9 +30,6 @@ from pymc_hyperelastic.design import trials
 from pymc_hyperelastic.design.planned_tests import Defaults, as_design, data_of, radii_of
 from pymc_hyperelastic.models.settings import inflation_data_of
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 SEED = 914
 X = "log_reference_strain"
 NOISE = SIGMA / np.sqrt(2)  # kPa

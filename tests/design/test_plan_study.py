@@ -22,9 +22,6 @@ from pymc_hyperelastic.design.study_size import (
 )
 from pymc_hyperelastic.models.class_distribution import distributions_of
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 SEED = 915
 X = "log_reference_strain"
 

@@ -22,9 +22,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.design.planned_tests import Defaults, PlannedSheet, as_design, data_of
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 SEED = 916
 # Errors with which each test alone separates the classes in part, kPa and relative.
 STRESS_SD, PRESSURE_SD = 6.0, 1.0

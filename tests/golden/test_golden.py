@@ -3,9 +3,6 @@
 import pytest
 import record
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 RECORDED = record.read()
 
 

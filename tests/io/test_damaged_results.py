@@ -21,9 +21,6 @@ from pymc_hyperelastic.models.priors import prior_from_record
 from pymc_hyperelastic.models.settings import SETTINGS, ModelSettings
 from pymc_hyperelastic.reports.settings import settings_of
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 # Words of errors that Python or NumPy raise themselves, and that do not help a user.
 PYTHON_ERRORS = re.compile(
     r"subscriptable|NoneType|could not convert|not iterable|zip\(\)|broadcast|unhashable|ufunc|"

@@ -7,9 +7,6 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 
 def compare(quantity, **settings):
     classes = fits.fit("neo_hookean_classes")

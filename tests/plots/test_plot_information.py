@@ -7,9 +7,6 @@ from figures import numbers_touch
 
 import pymc_hyperelastic as ph
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 DESIGNS = {"one": {"radius": 8.0, "points": 1}, "many": {"radius": (7.3, 9.0)}}
 
 

@@ -9,9 +9,6 @@ from variable_classes import GRID, TRAINING, log_likelihoods, modulus
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 X = "log_reference_strain"
 # Errors of quantiles of weighted draws, relative to the width of their interval.
 OF_DRAWS = 0.15

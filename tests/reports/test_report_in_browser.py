@@ -10,7 +10,7 @@ from stored_results import classified, curves, fitted_classes
 
 import pymc_hyperelastic as ph
 
-pytestmark = [pytest.mark.deep, pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")]
+pytestmark = pytest.mark.deep
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 QUIET = [

@@ -46,7 +46,7 @@ def test_cohort_tables_summarise_its_specimens(write_words, cohort):
     low, middle, high = cohort["properties"]["compliance"].values[:, 1].T
     np.testing.assert_allclose(row[3:], [*np.quantile(middle, ends), np.median(high - low)])
     assert "The posteriors of 5 specimens were sampled one by one." in page.methods
-    cohort.attrs = {"strain_energy": "Ogden", "simulated": 1}
+    cohort.attrs = {"law": "Ogden", "simulated": 1}
     page = write_words({"Cohort": cohort})
     assert "Ogden was fitted to 5 specimens, one by one." in page.summary
     assert "these data are simulated, not measured" in page.warnings

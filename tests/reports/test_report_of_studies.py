@@ -14,9 +14,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.reports.settings import priors_of_class
 
-# Small groups are compared at pressures that were not measured, too.
-pytestmark = pytest.mark.filterwarnings("ignore:.*extrapolated:UserWarning")
-
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
 NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)
 # One pressure, at which elastic properties are shown, is quicker than the default three.
