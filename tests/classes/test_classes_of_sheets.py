@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import pytest
+import two_parameters
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
@@ -11,7 +12,10 @@ from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 LAW = ph.Ogden()
 TUBE = ph.Tube(1.0, 1.3, axial_stretch=1.2)
 STRESS_SD, PRESSURE_SD = 2.0, 0.3  # kPa
-PRIORS = {"mu": pm.Uniform.dist(5, 60), "alpha": pm.Uniform.dist(2, 12)}
+BOUNDS = {"mu": (5, 60), "alpha": (2, 12)}
+PRIORS = {name: pm.Uniform.dist(*ends) for name, ends in BOUNDS.items()}
+# Moduli of groups whose specimens differ, kPa.
+MODULI = {"soft": 15.0, "stiff": 40.0}
 QUIET = {"progressbar": False, "random_seed": 1}
 
 
@@ -50,6 +54,44 @@ def likelihood(with_tube):
     return ph.Gaussian(stress_sd=STRESS_SD, pressure_sd=PRESSURE_SD if with_tube else None)
 
 
+def part_of(data, *, tubes):
+    """Return the tests of tubes, or of sheets, with the name of their kind in the specimen's."""
+    kind = "tube" if tubes else "sheet"
+    own = ph.select(data, stress_measure="" if tubes else "cauchy")
+    names = [f"{name} ({kind})" for name in own["specimen"].values.tolist()]
+    return own.assign_coords(specimen=("test", names))
+
+
+def evidence(data, errors):
+    """Return the log evidence of one material for all data."""
+    model = ph.material_model(LAW, data, errors, priors=PRIORS)
+    return two_parameters.log_evidence(model, BOUNDS)
+
+
+def fitted(groups, with_tube):
+    """Fit classes whose specimens differ."""
+    errors = likelihood(with_tube)
+    return ph.fit_classes(LAW, groups, errors, draws=200, variability="specimen", **QUIET)
+
+
+@pytest.fixture(scope="module")
+def of_sheets():
+    """Classes of sheets alone."""
+    groups = {name: group(name, mu, 4, spread=0.2, seed=4) for name, mu in MODULI.items()}
+    return fitted(groups, with_tube=False)
+
+
+@pytest.fixture(scope="module")
+def of_both():
+    """Classes of sheets and tubes; two specimens of one class have sheets alone."""
+    groups = {
+        name: group(name, mu, 4, spread=0.2, with_tube=True, seed=4) for name, mu in MODULI.items()
+    }
+    strips = part_of(group("more", 15.0, 2, spread=0.2, with_tube=True, seed=6), tubes=False)
+    strips = strips.assign_coords(group=("test", ["soft"] * strips.sizes["test"]))
+    return fitted(groups | {"soft": ph.combine_tests(groups["soft"], strips)}, with_tube=True)
+
+
 @pytest.mark.parametrize("with_tube", [False, True], ids=["sheets", "sheets and tubes"])
 def test_probability_of_pooled_classes_follows_from_evidences_of_joined_data(with_tube):
     """``ln p(new | class) = ln Z(class and new) - ln Z(class)``: three models, no class."""
@@ -61,46 +103,9 @@ def test_probability_of_pooled_classes_follows_from_evidences_of_joined_data(wit
     errors = likelihood(with_tube)
     classes = ph.fit_classes(LAW, groups, errors, draws=1000, priors=PRIORS, **QUIET)
     found = ph.classify(new, classes, by="specimen", random_seed=1)["log_evidence"].squeeze()
-
-    def log_evidence(data):
-        model = ph.material_model(LAW, data, errors, priors=PRIORS)
-        return ph.log_evidence(ph.sample_smc(model, draws=1000, chains=2, **QUIET)).value
-
     for name, data in groups.items():
-        exact = log_evidence(ph.combine_tests(data, new)) - log_evidence(data)
+        exact = evidence(ph.combine_tests(data, new), errors) - evidence(data, errors)
         assert float(found.sel({"class_label": name})) == pytest.approx(exact, abs=0.1)
-
-
-@pytest.mark.parametrize("with_tube", [False, True], ids=["sheets", "sheets and tubes"])
-def test_classes_whose_specimens_differ_are_fitted_to_sheets_and_told_apart(with_tube):
-    """Median and spread of the moduli are those of the specimens; new ones find their class."""
-    moduli = {"soft": 15.0, "stiff": 40.0}
-    groups = {
-        name: group(name, mu, 5, spread=0.2, with_tube=with_tube, seed=4)
-        for name, mu in moduli.items()
-    }
-    classes = ph.fit_classes(
-        LAW, groups, likelihood(with_tube), draws=300, variability="specimen", **QUIET
-    )
-    new = [
-        group(f"new {name}", mu, 2, spread=0.1, with_tube=with_tube, seed=5)
-        for name, mu in moduli.items()
-    ]
-    found = ph.classify(ph.combine_tests(*new), classes, by="specimen", random_seed=1)
-    probability = found["class_probability"]
-    assert float(probability.sel({"class_label": "soft"})[:2].min()) > 0.9
-    assert float(probability.sel({"class_label": "stiff"})[2:].min()) > 0.9
-    compared = ph.compare_classes(classes, ["log mu"], random_seed=1)
-    typical = compared["difference"].sel(statistic="typical").squeeze().item()
-    assert typical == pytest.approx(np.log(40 / 15), abs=0.4)
-
-
-def part_of(data, *, tubes):
-    """Return the tests of tubes, or of sheets, with the name of their kind in the specimen's."""
-    kind = "tube" if tubes else "sheet"
-    own = ph.select(data, stress_measure="" if tubes else "cauchy")
-    names = [f"{name} ({kind})" for name in own["specimen"].values.tolist()]
-    return own.assign_coords(specimen=("test", names))
 
 
 def test_pooled_classes_take_specimens_with_tests_of_one_kind():
@@ -117,16 +122,48 @@ def test_pooled_classes_take_specimens_with_tests_of_one_kind():
         LAW, {"soft": trained, "stiff": other}, errors, draws=1000, priors=PRIORS, **QUIET
     )
     found = ph.classify(ph.combine_tests(*parts), classes, by="specimen", random_seed=1)
-
-    def log_evidence(data):
-        model = ph.material_model(LAW, data, errors, priors=PRIORS)
-        return ph.log_evidence(ph.sample_smc(model, draws=1000, chains=2, **QUIET)).value
-
-    of_class = log_evidence(trained)
+    of_class = evidence(trained, errors)
     for i, part in enumerate(parts):
-        exact = log_evidence(ph.combine_tests(trained, part)) - of_class
+        exact = evidence(ph.combine_tests(trained, part), errors) - of_class
         value = found["log_evidence"].sel(class_label="soft").values[i]
         assert value == pytest.approx(exact, abs=0.1)
+
+
+@pytest.mark.parametrize("with_tube", [False, True], ids=["sheets", "sheets and tubes"])
+def test_classes_whose_specimens_differ_are_told_apart(with_tube, request):
+    """New specimens of a class find it."""
+    classes = request.getfixturevalue("of_both" if with_tube else "of_sheets")
+    new = [
+        group(f"new {name}", mu, 2, spread=0.1, with_tube=with_tube, seed=5)
+        for name, mu in MODULI.items()
+    ]
+    found = ph.classify(ph.combine_tests(*new), classes, by="specimen", random_seed=1)
+    probability = found["class_probability"]
+    assert float(probability.sel({"class_label": "soft"})[:2].min()) > 0.9
+    assert float(probability.sel({"class_label": "stiff"})[2:].min()) > 0.9
+
+
+def test_classes_whose_specimens_differ_take_specimens_with_tests_of_one_kind(of_both):
+    """Each new test finds the class of its material, by itself and as part of a specimen."""
+    new = [
+        group(name, mu, 1, spread=0.1, with_tube=True, seed=5)
+        for name, mu in zip("ab", MODULI.values(), strict=True)
+    ]
+    found = ph.classify(ph.combine_tests(*new), of_both, by="test", random_seed=1)
+    of_soft = found["class_probability"].sel(class_label="soft").values
+    assert of_soft[:3].min() > 0.9
+    assert of_soft[3:].max() < 0.1
+
+
+def test_difference_of_classes_of_sheets(of_sheets):
+    """It is that of the moduli; a radius at a pressure has no meaning without a tube."""
+    with pytest.raises(ValueError, match=r"inner_radius \(unknown\).*state the tube"):
+        ph.compare_classes(of_sheets, ["log radius"], at=2.0, random_seed=1)
+    at = ph.Conditions(2.0, tube=TUBE)
+    compared = ph.compare_classes(of_sheets, ["log mu", "log radius"], at=at, random_seed=1)
+    of_moduli, of_radius = compared["difference"].sel(statistic="typical").values.ravel()
+    assert of_moduli == pytest.approx(np.log(40 / 15), abs=0.4)
+    assert of_radius < 0
 
 
 def test_specimen_with_tests_of_one_kind_is_sampled_as_by_a_model_of_that_kind():
@@ -143,29 +180,6 @@ def test_specimen_with_tests_of_one_kind_is_sampled_as_by_a_model_of_that_kind()
         assert found.misfit == pytest.approx(expected.misfit)
 
 
-def test_classes_whose_specimens_differ_take_specimens_with_tests_of_one_kind():
-    """Each new test finds the class of its material, by itself and as part of a specimen."""
-    groups = {
-        name: group(name, mu, 4, spread=0.2, with_tube=True, seed=4)
-        for name, mu in {"soft": 15.0, "stiff": 40.0}.items()
-    }
-    strips = part_of(group("more", 15.0, 2, spread=0.2, with_tube=True, seed=6), tubes=False)
-    groups["soft"] = ph.combine_tests(
-        groups["soft"], strips.assign_coords(group=("test", ["soft"] * strips.sizes["test"]))
-    )
-    classes = ph.fit_classes(
-        LAW, groups, likelihood(True), draws=300, variability="specimen", **QUIET
-    )
-    new = [
-        group("a", 15.0, 1, spread=0.1, with_tube=True, seed=5),
-        group("b", 40.0, 1, spread=0.1, with_tube=True, seed=5),
-    ]
-    found = ph.classify(ph.combine_tests(*new), classes, by="test", random_seed=1)
-    of_soft = found["class_probability"].sel(class_label="soft").values
-    assert of_soft[:3].min() > 0.9
-    assert of_soft[3:].max() < 0.1
-
-
 def test_cohort_holds_specimens_with_tests_of_one_kind(tmp_path):
     """The evidence in each row is that of a model of this specimen alone."""
     data = group("S", 20.0, 1, spread=0.0, with_tube=True)
@@ -177,24 +191,7 @@ def test_cohort_holds_specimens_with_tests_of_one_kind(tmp_path):
     for i, part in enumerate(parts):
         own = {"pressure_sd": PRESSURE_SD} if i < 2 else {}
         own |= {"stress_sd": STRESS_SD} if i != 1 else {}
-        model = ph.material_model(LAW, part, ph.Gaussian(**own), priors=PRIORS)
-        alone = ph.log_evidence(ph.sample_smc(model, draws=1000, chains=2, **QUIET))
+        alone = evidence(part, ph.Gaussian(**own))
         row = found["evidence"].to_dataset().isel(specimen=i)
         assert row["error"].item() == ""
-        assert row["log_evidence"].item() == pytest.approx(alone.value, abs=0.1)
-
-
-def test_property_of_a_tube_needs_a_tube_where_classes_hold_sheets_alone():
-    """A circumferential stress at a pressure has no meaning without radii."""
-    groups = {
-        "soft": group("soft", 15.0, 2, spread=0.2),
-        "stiff": group("stiff", 40.0, 2, spread=0.2),
-    }
-    classes = ph.fit_classes(
-        LAW, groups, likelihood(False), draws=100, variability="specimen", **QUIET
-    )
-    with pytest.raises(ValueError, match=r"inner_radius \(unknown\).*state the tube"):
-        ph.compare_classes(classes, ["log radius"], at=2.0, random_seed=1)
-    at = ph.Conditions(2.0, tube=TUBE)
-    compared = ph.compare_classes(classes, ["log radius"], at=at, random_seed=1)
-    assert float(compared["difference"].sel(statistic="typical").squeeze()) < 0
+        assert row["log_evidence"].item() == pytest.approx(alone, abs=0.1)
