@@ -46,10 +46,9 @@ test: $(VENV)/.ready-test
 
 test-all: test test-second
 
-# The second tier, and the docstring examples again, both compiled as users compile.
+# The second tier, compiled as users compile.
 test-second: $(VENV)/.ready-test
 	$(pytest) $(PYTEST_OPTIONS) -m "(deep or compiled) and not long" --compiled
-	$(pytest) $(PYTEST_OPTIONS) --compiled --doctest-modules pymc_hyperelastic
 
 # Tests that take minutes each, such as simulation-based calibration of complete models.
 test-long: $(VENV)/.ready-test

@@ -1,4 +1,7 @@
-"""The examples run as notebooks and write the files that they announce."""
+"""The examples run as notebooks and write the files that they announce.
+
+``make docs`` runs some of them in full. Here these are marked `long`, but for the main study.
+"""
 
 import runpy
 import shutil
@@ -80,6 +83,7 @@ def test_study_prints_its_tables_and_writes_its_figures_and_results(study, tmp_p
         assert (result["class_probability"].idxmax("class_label").values == truth).all()
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_specimens_of_the_shipped_table_are_classified_and_reported(tmp_path):
     printed = run("classify_csv", tmp_path)
@@ -132,6 +136,7 @@ def test_true_model_of_the_simulated_aortas_finds_the_group_of_a_specimen(tmp_pa
     assert best == ["control", "treated"]
 
 
+@pytest.mark.long
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("study", "figures", "words"),

@@ -128,7 +128,7 @@ def test_interrupted_fit_exits_with_130_and_keeps_the_old_result(
 def test_compare_command_stores_and_reports_differences_of_groups(run, table, tmp_path):
     """By default specimens of a class differ, and the noise is inferred."""
     study = tmp_path / "study"
-    run("fit", table, "--draws", "500", "--chains", "1", "--quiet", "--out", study)
+    run("fit", table, "--draws", "200", "--chains", "1", "--quiet", "--out", study)
     between = ["--pressure-range", "80-120 mmHg", "--quantity", "stored_energy_change"]
     printed = run("compare", "--out", study, *between, "--quantity", "log compliance")
     assert "log compliance" in printed

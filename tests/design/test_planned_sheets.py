@@ -291,7 +291,6 @@ def test_planned_stresses_are_of_the_measure_of_the_classes(both):
     check(information(mixed, {"a": nominal}).squeeze(), about_class(*by_modulus(both, precision)))
 
 
-@pytest.mark.deep
 def test_sheets_without_a_lateral_stretch_cannot_bear_a_test():
     """An anisotropic sheet that is free along one axis may have no solution."""
     law = ph.FungOrthotropic()

@@ -24,7 +24,13 @@ CUT = ["stiff_ring_of_angles"]
 # Models with a right evidence for which a second run from the prior says that it may be wrong.
 DOUBTED = ["random_walk"]
 # Models that take minutes.
-SLOW = ["groups_100", "random_walk", "regression_50", "correlated_normal_50"]
+SLOW = [
+    "correlated_normal_50",
+    "groups_100",
+    "many_observations",
+    "random_walk",
+    "regression_50",
+]
 # Difficult models that take minutes.
 SLOW_DIFFICULT = ["change_points_3", "modes_256", "many_rates"]
 GREAT_EFFORT = DIFFICULT["great effort"]
