@@ -17,6 +17,7 @@ import pytest
 import simulated_work
 import xarray as xr
 from simulated_work import SPECIMENS, SimulatedWork, cohort, computed, wait_for
+from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
@@ -298,7 +299,9 @@ workers.close()
 """
 
 
-@pytest.mark.parametrize("options", [[], ["-c", "import sys; exec(open(sys.argv[1]).read())"]])
+@pytest.mark.parametrize(
+    "options", [[], *deep([(["-c", "import sys; exec(open(sys.argv[1]).read())"],)])]
+)
 def test_processes_prefer_installed_modules_to_those_of_the_current_folder(options, data, tmp_path):
     """Cases: a script in another folder, and a Python that searches the current folder first."""
     script = tmp_path / "scripts" / "run.py"
