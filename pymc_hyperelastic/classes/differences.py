@@ -76,12 +76,13 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
         },
     )
     if of_law.pairs:
-        change = others[1] - others[0]
+        change = xr.DataArray(others[1] - others[0], dims=(*of_comparison[1:], "animal"))
+        rising = (change > 0).where(change.notnull())
         for name, value in {
-            "spread_of_change": np.nanstd(change, axis=-1),
-            "share_rising": (change > 0).mean(axis=-1),
+            "spread_of_change": change.std("animal"),
+            "share_rising": rising.mean("animal"),
         }.items():
-            result[name] = of_comparison, value[None]
+            result[name] = of_comparison, value.values[None]
     return result.assign(_of_specimens(of_law, found, names, at))
 
 

@@ -1,8 +1,6 @@
-"""Simulate studies of different sizes from a pilot, to choose the number of specimens per group.
+"""Simulate studies of different sizes from a pilot, to choose the number of specimens per group."""
 
-The shares of studies that reach a decision are assurances, see :func:`plan_study`.
-"""
-
+import warnings
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -332,33 +330,35 @@ def _result(truth: Array, found: Array, relevant: float, ci_prob: float) -> xr.D
     """Summarise draws of differences, (comparison, quantity, size, study, draw), over studies."""
     tail = (1 - ci_prob) / 2
     # Linear interpolation between few draws makes intervals too narrow: by 3 % for 200 draws.
-    low, middle, high = np.nanquantile(found, [tail, 0.5, 1 - tail], -1, method="median_unbiased")
-    dims = "comparison", "quantity", "specimens", "study"
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # all may be NaN
+        ends = np.nanquantile(found, [tail, 0.5, 1 - tail], -1, method="median_unbiased")
+    low, middle, high = ends
     truth = np.broadcast_to(truth[:, :, None], low.shape)
     above, below = low > relevant, high < -relevant
-    each = xr.Dataset(
-        {
-            "study_width": (dims, high - low),
-            "study_difference": (dims, middle),
-            "decided": (dims, (above | below).astype(float)),
-            "wrong": (dims, ((above & (truth < 0)) | (below & (truth > 0))).astype(float)),
-            "covered": (dims, ((low <= truth) & (truth <= high)).astype(float)),
-            "truth": (("comparison", "quantity", "study"), truth[:, :, 0]),
-        }
-    )
-    width, count = each["study_width"], truth.shape[-1]
-    shares = each[["decided", "wrong", "covered"]].mean("study")
+    decisions = {
+        "decided": above | below,
+        "wrong": (above & (truth < 0)) | (below & (truth > 0)),
+        "covered": (low <= truth) & (truth <= high),
+    }
+    dims = "comparison", "quantity", "specimens", "study"
+    # Studies in which a typical specimen lacks the quantity are left out.
+    known = np.isfinite(low + truth)
+    each = xr.Dataset({name: (dims, np.where(known, v, np.nan)) for name, v in decisions.items()})
+    shares, count = each.mean("study"), each["decided"].count("study")
     errors = np.sqrt((shares * (1 - shares)).clip(1 / count) / count)
-    ends = width.quantile([tail, 1 - tail], "study").rename(quantile="bound")
+    width = xr.DataArray(high - low, dims=dims)
+    between = width.quantile([tail, 1 - tail], "study").rename(quantile="bound")
     # Standard error of the median, from the order statistics one standard error from the middle.
-    half = 0.5 / np.sqrt(count)
+    half = 0.5 / np.sqrt(width.sizes["study"])
     around = width.quantile([0.5 - half, 0.5 + half], "study")
     return shares.assign(
         width=width.median("study"),
         width_se=around.diff("quantile").squeeze("quantile", drop=True) / 2,
-        width_interval=ends.assign_coords(bound=["low", "high"]),
+        width_interval=between.assign_coords(bound=["low", "high"]),
         **{f"{name}_se": error for name, error in errors.items()},
-        **{name: each[name] for name in ("study_width", "study_difference", "truth")},
+        study_width=width,
+        study_difference=(dims, middle),
+        truth=(("comparison", "quantity", "study"), truth[:, :, 0]),
     )
 
 

@@ -339,6 +339,15 @@ def test_difference_between_paired_specimens_equals_closed_form(classes, scale, 
     assert middle == pytest.approx(SPECIMENS[0].mean(), abs=found["difference_sd"].item())
 
 
+@pytest.mark.filterwarnings("ignore:.*have no compliance there", "ignore:.*extrapolated")
+def test_share_of_rising_animals_is_that_of_those_with_the_quantity(classes):
+    """Soft specimens are more compliant; some burst, which is no fall of their compliance."""
+    groups = xr.DataTree.from_dict({name: classes[name] for name in ("stiff", "soft")})
+    found = compare(groups, "compliance", at=6.0, pair=ANIMALS, draws=100).squeeze()
+    assert found["lacking"].max() > 0.1
+    assert found["share_rising"] > 0.98
+
+
 def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
     """The evidence of no difference is that of all laws together, divided by each factor."""
 

@@ -129,11 +129,14 @@ def test_few_draws_do_not_narrow_intervals():
     assert width == pytest.approx(2 * stats.norm.ppf(0.975), rel=0.008)
 
 
+# Intervals of five studies, each from two draws, and their true differences.
+ENDS = np.array([[2, 4], [0.5, 3], [-3, -2], [1.5, 2], [-0.5, 0.5]], float)
+TRUTH = np.array([3.0, 1.0, 1.0, -1.0, 0.6])
+
+
 def test_decisions_of_studies_equal_values_computed_by_hand():
-    """Five studies with intervals from two draws; differences of 1 or more are relevant."""
-    ends = np.array([[2, 4], [0.5, 3], [-3, -2], [1.5, 2], [-0.5, 0.5]], float)
-    truth = np.array([3.0, 1.0, 1.0, -1.0, 0.6])
-    found = _result(truth[None, None], ends[None, None, None], 1.0, 1 - 1e-9).squeeze()
+    """Differences of 1 or more are relevant."""
+    found = _result(TRUTH[None, None], ENDS[None, None, None], 1.0, 1 - 1e-9).squeeze()
     assert found["study_width"].values == pytest.approx([2, 2.5, 1, 0.5, 1], rel=1e-6)
     assert found["study_difference"].values == pytest.approx([3, 1.75, -2.5, 1.75, 0])
     assert found["decided"].item() == pytest.approx(3 / 5)
@@ -146,6 +149,19 @@ def test_decisions_of_studies_equal_values_computed_by_hand():
     error = np.diff(np.quantile([0.5, 1, 1, 2, 2.5], [0.5 - half, 0.5 + half]))[0] / 2
     assert found["width_se"].item() == pytest.approx(error, rel=1e-6)
     assert found["width_interval"].values == pytest.approx([0.5, 2.5], rel=1e-6)
+
+
+def test_studies_without_the_quantity_are_left_out():
+    """The material of a typical specimen may not reach the pressure: one truth, one estimate."""
+    ends = np.concatenate([ENDS, [[2, 4], [np.nan, np.nan]]])
+    truth = np.concatenate([TRUTH, [np.nan, 3.0]])
+    found, expected = (
+        _result(true[None, None], of[None, None, None], 1.0, 1 - 1e-9).squeeze()
+        for true, of in ((truth, ends), (TRUTH, ENDS))
+    )
+    for name in ("decided", "wrong", "covered"):
+        assert found[name].item() == pytest.approx(expected[name].item())
+        assert found[f"{name}_se"].item() == pytest.approx(expected[f"{name}_se"].item())
 
 
 def test_wrong_settings_and_pilots_are_refused(classes):
