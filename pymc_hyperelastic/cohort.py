@@ -118,7 +118,7 @@ class Fits:
         self._work = work
         self._law = " in ".join(ModelSettings.of(work.energy).laws)
         self._forward = work.likelihood.forward_model(wall, work.like, *unknown)
-        self._models: dict[tuple[int, bool, bool], _Model] = {}
+        self._models: dict[tuple[int, bool, bool, bool], _Model] = {}
 
     def of(self, data: xr.Dataset) -> xr.Dataset:
         """Result of these specimens or experiments, row by row."""
@@ -135,7 +135,9 @@ class Fits:
 
     def _row(self, data: xr.Dataset, label: str) -> xr.Dataset:
         seed = seed_of(seed_sequence(self._work.random_seed), label)
-        rng, key = np.random.default_rng(seed), (data.sizes["test"], *kinds_of_tests(data))
+        with_force = "axial_force" in data and bool(data["axial_force"].notnull().any())
+        rng = np.random.default_rng(seed)
+        key = data.sizes["test"], *kinds_of_tests(data), with_force
         if key not in self._models:
             self._models[key] = _Model(self._work, data, self._forward)
         model = self._models[key]
@@ -197,7 +199,14 @@ class _Fit:
             )
             for name, values in quantiles.data_vars.items()
         }
-        return properties | {"pressure": found["pressure"], "interval": list(QUANTILES)}
+        # Each specimen has its own measured range, and number of draws without a property.
+        for name, flag in found.coords.items():
+            if name in ("extrapolated", "range_extrapolated", "in_vivo_extrapolated"):
+                own = (work.by, *flag.dims), flag.values[None], {GROUP: "properties"}
+                properties[str(name)] = own
+        for _, _, attrs in properties.values():
+            attrs.pop("draws_without", None)
+        return properties | {"pressure": found["pressure"].variable, "interval": list(QUANTILES)}
 
 
 class _Model:
@@ -282,7 +291,8 @@ def fit_cohort(
     at : Conditions, float or sequence of float, optional
         Pressures (kPa, or with their unit in :class:`~pymc_hyperelastic.Conditions`) at which the
         elastic properties of each specimen are kept, as median and 95 % interval; see
-        :func:`~pymc_hyperelastic.tube_properties`. By default no properties are kept.
+        :func:`~pymc_hyperelastic.tube_properties`. ``extrapolated`` says at which pressures of
+        each specimen. By default no properties are kept.
     draws : int, default 500
         Draws of each posterior.
     random_seed : int, optional

@@ -47,6 +47,40 @@ def test_property_beyond_the_measured_pressures_marks_a_fit_as_doubtful(tmp_path
     assert "measured" in said
 
 
+def test_each_specimen_has_flags_of_its_own_measured_range(tmp_path):
+    """The curves of S1 are cut at low pressures; those of S4 are whole."""
+    low = STUDY["pressure"] < 60 * ph.mmHg
+    first = STUDY["specimen"][STUDY["test"]].drop_vars("test", errors="ignore") == "S1"
+    cut = STUDY.isel(obs=np.flatnonzero((low | ~first).values))
+    some = ph.select(cut, specimen=["S1", "S4"], experiment=1)
+    at = ph.Conditions([50, 100], pressure_range=(80, 100), pressure_unit="mmHg")
+    with pytest.warns(UserWarning, match="2 of 2 have a doubtful fit.*S1: .*extrapolated"):
+        found = ph.fit_cohort(ph.Ogden(), some, LIKELIHOOD, serial(tmp_path), at=at, **QUIET)
+    properties = found["properties"]
+    assert properties["extrapolated"].values.tolist() == [[False, True], [False, False]]
+    assert properties["range_extrapolated"].values.tolist() == [True, False]
+
+
+def test_specimens_without_forces_are_refused_in_any_order(tmp_path):
+    """The likelihood has an error of forces, which one of two specimens lacks."""
+    radius = np.linspace(7.2, 9.0, 8)
+    curves = [
+        curve(ph.NeoHookean(), radius, ph.Tube(7, 9), mu=30.0).eval()
+        for curve in (ph.inflation_pressure, ph.axial_force)
+    ]
+    frame = {"experiment": 1, "radius": radius, "pressure": curves[0]}
+    tables = [
+        pd.DataFrame({"specimen": name, "axial_force": force} | frame)
+        for name, force in (("A", curves[1]), ("B", np.nan))
+    ]
+    for i, order in enumerate((tables, tables[::-1])):
+        data = ph.inflation_data(pd.concat(order), ph.Tube(7, 9), check="ignore")
+        errors, store = ph.Gaussian(0.5, force_sd=50.0), serial(tmp_path / str(i))
+        with pytest.warns(UserWarning, match="1 of 2 failed.* B: .*hold no axial forces"):
+            found = ph.fit_cohort(ph.NeoHookean(), data, errors, store, **QUIET)
+        assert found["evidence"]["error"].sel(specimen="A").item() == ""
+
+
 def test_evidence_of_a_specimen_equals_quadrature(fitted):
     one = ph.select(STUDY, specimen="S4")
     exact = ph.log_evidence_by_quadrature(ph.inflation_model(ph.Ogden(), one, LIKELIHOOD))

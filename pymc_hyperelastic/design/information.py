@@ -133,7 +133,8 @@ def expected_information(
         to the number of draws; the remaining bias is therefore about as large as this change.
 
         ``gain`` (design, specimen) : information for each simulated specimen; NaN if the specimen
-        cannot bear the tests.
+        cannot bear the tests. ``weight`` (specimen) : weight of the specimen in the mean. Classes
+        are simulated also if they are improbable, and their specimens have small weights.
 
         ``lacking`` : fraction of specimens that cannot bear the tests. ``unsure`` : fraction of
         specimens with fewer than 20 effective inner draws for some class that is not negligible.
@@ -222,7 +223,8 @@ def expected_information(
     seeds = np.random.SeedSequence(random_seed).spawn(3)
     if about != "class":
         # Before the trials, which take minutes: a quantity may lack the tube that it needs.
-        before = simulation.quantity(about, simulation.specimens(_BEFORE, 1, seeds[2]))
+        of_prior = simulation.specimens(_BEFORE, 1, seeds[2], rare=False)
+        before = simulation.quantity(about, of_prior)
     tried = simulation.specimens(specimens, max(map(len, planned.values())), seeds[0])
     trials = {}
     for name, design in planned.items():
@@ -274,10 +276,10 @@ def _result(
     """
     gain, of_half = gains
     counted = np.isfinite(gain)
-    information, error = _mean_and_error(gain)
+    information, error = _mean_and_error(gain, tried)
     best = int(np.nanargmax(information.round(DIGITS)))
-    difference, difference_se = _mean_and_error(gain - gain[best])
-    change, change_se = _mean_and_error(gain - of_half)
+    difference, difference_se = _mean_and_error(gain - gain[best], tried)
+    change, change_se = _mean_and_error(gain - of_half, tried)
     unsure = np.sum(effective < _ENOUGH, axis=1) / counted.sum(axis=1)
     dims = "design"
     result = xr.Dataset(
@@ -289,8 +291,9 @@ def _result(
             "change_by_half": (dims, change),
             "change_by_half_se": (dims, change_se),
             "unsure": (dims, unsure),
-            "lacking": (dims, 1 - counted.mean(axis=1)),
+            "lacking": (dims, 1 - counted @ tried.weights / tried.weights.sum()),
             "gain": ((dims, "specimen"), gain),
+            "weight": ("specimen", tried.weights),
         },
         {
             "design": list(planned),
@@ -338,7 +341,20 @@ def _verdict(
     return {"stop": stop, "words": words}
 
 
-def _mean_and_error(values: Array) -> tuple[Array, Array]:
-    """Return the mean over specimens without NaN, and its standard error."""
-    count = np.isfinite(values).sum(axis=1)
-    return np.nanmean(values, axis=1), np.nanstd(values, axis=1, ddof=1) / np.sqrt(count)
+def _mean_and_error(values: Array, tried: Specimens) -> tuple[Array, Array]:
+    """Return the mean over specimens without NaN, and its standard error.
+
+    The number of specimens of each class is fixed, so that only differences within a class count.
+    The error is infinite if a class has a single value.
+    """
+    known, weights = np.isfinite(values), tried.weights
+    values, variance = np.where(known, values, 0.0), np.zeros(len(values))
+    for k in np.unique(tried.truth):
+        own = tried.truth == k
+        count = known[:, own].sum(axis=1)
+        middle = values[:, own].sum(axis=1) / np.maximum(count, 1)
+        squares = ((values[:, own] - middle[:, None]) ** 2).sum(axis=1, where=known[:, own])
+        of_class = squares * count / np.maximum(count - 1, 1) * weights[own][0] ** 2
+        variance += np.where(count == 1, np.inf, of_class)
+    total = known @ weights
+    return values @ weights / total, np.sqrt(variance) / total

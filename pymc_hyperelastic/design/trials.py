@@ -45,6 +45,8 @@ _AS_BEFORE = 0.02
 _TOO_MANY_LACKING = 0.2
 # Number of draws for the density of a quantity after a test.
 _AFTER = 256
+# Class probability below which a class is not simulated: its part of the information is as small.
+_NEGLIGIBLE = 1e-6
 
 
 class Specimens(NamedTuple):
@@ -56,6 +58,12 @@ class Specimens(NamedTuple):
     """Index of the true class of each specimen."""
     log_before: Array
     """Log probabilities of the classes before the planned tests."""
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each specimen in a mean: those of a class share its probability."""
+        counts = np.bincount(self.truth, minlength=len(self.log_before))
+        return (np.exp(self.log_before) / np.maximum(counts, 1))[self.truth]
 
 
 class Trial(NamedTuple):
@@ -90,12 +98,18 @@ class Simulation:
         self._log_prior = log_prior
         self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
 
-    def specimens(self, count: int, tests: int, seed: np.random.SeedSequence) -> Specimens:
-        """Draw specimens of the classes, in proportion to the probabilities of the classes."""
+    def specimens(
+        self, count: int, tests: int, seed: np.random.SeedSequence, *, rare: bool = True
+    ) -> Specimens:
+        """Draw specimens of the classes.
+
+        They are in proportion to the probabilities of the classes; with `rare`, more of improbable
+        classes, of which a proportion would be too few, or none.
+        """
         rng = np.random.default_rng(seed)
         if self._given is not None:
-            return self._like_given(count, rng)
-        truth = _in_proportion(np.exp(self._log_prior), count)
+            return self._like_given(count, rng, rare)
+        truth = _truths(np.exp(self._log_prior), count, rare)
         fresh: dict[str, Array] = {}
         for k, distributions in enumerate(self._classes):
             chosen = rng.integers(len(distributions.location[0]), size=count)
@@ -105,15 +119,15 @@ class Simulation:
                 fresh[name][truth == k] = values[truth == k]
         return Specimens(fresh, truth, self._log_prior)
 
-    def _like_given(self, count: int, rng: np.random.Generator) -> Specimens:
+    def _like_given(self, count: int, rng: np.random.Generator, rare: bool) -> Specimens:
         """Draw specimens from the posterior given the earlier tests."""
         sampler, draw = self._inner(self._given)
         drawn = draw(self._given, None, 10 * self._draws, rng)
         terms = drawn.log_terms
         log_before = log_softmax(self._log_prior + logsumexp(terms, axis=1))
-        truth = _in_proportion(np.exp(log_before), count)
+        truth = _truths(np.exp(log_before), count, rare)
         chosen = np.empty(count, int)
-        for k in range(len(terms)):
+        for k in np.unique(truth):
             weights = np.exp(terms[k] - logsumexp(terms[k]))
             chosen[truth == k] = rng.choice(len(weights), size=np.sum(truth == k), p=weights)
         return Specimens(sampler.variables_of(drawn.points[chosen]), truth, log_before)
@@ -188,6 +202,17 @@ class Simulation:
                 mixed = np.log(_AS_BEFORE) + before_test, np.log1p(-_AS_BEFORE) + after_test
                 gains[j, i] = np.logaddexp(*mixed) - before_test
         return gains
+
+
+def _truths(chance: Array, count: int, rare: bool) -> NDArray[np.intp]:
+    """Return true classes of specimens: with `rare` half of them in proportion, half equally often.
+
+    An improbable class may have most of the information: a test that finds it gains much.
+    """
+    if rare:
+        possible = chance > _NEGLIGIBLE
+        chance = (chance + possible / possible.sum()) / 2
+    return _in_proportion(chance / chance.sum(), count)
 
 
 def _in_proportion(chance: Array, count: int) -> NDArray[np.intp]:

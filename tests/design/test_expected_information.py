@@ -99,8 +99,11 @@ def test_information_about_the_class_equals_a_sum_over_a_plane(classes):
         plane = Plane(classes, places, precision(*tests), chance)
         check_information(found.sel(design=name), plane.about_class())
     assert found.attrs["entropy"] == pytest.approx(entr(chance).sum())
-    shares = [np.mean(found["true_class"] == name) for name in TRAINING]
-    np.testing.assert_allclose(shares, chance, atol=0.5 / 40)
+    shares = [found["weight"][found["true_class"] == name].sum() for name in TRAINING]
+    np.testing.assert_allclose(shares, chance)
+    # Half of the specimens are of equally many classes.
+    counts = [np.sum(found["true_class"] == name) for name in TRAINING]
+    assert counts == [26, 14]
 
 
 def test_tests_give_no_information_about_identical_classes(classes):
@@ -174,37 +177,53 @@ def test_information_from_axial_forces_and_experiment_effects_equals_a_sum_over_
 def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
     defaults = Defaults.of(kind_of_classes(classes), classes, None)
     planned = {n: as_design(n, {"pressure": 1.0, "points": 1}, defaults) for n in "abc"}
-    gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
+    gain = np.array(
+        [[0.1, 0.3, 0.2, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9, 0.7], [0.0, 0.4, 0.0, 0.0, 0.0]]
+    )
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
-    effective = np.array([[30.0] * 4, [20, 20, np.nan, 20], [19, 30, 30, 30]])
-    tried = trials.Specimens({}, np.array([0, 0, 1, 1]), np.log([0.25, 0.75]))
+    effective = np.array([[30.0] * 5, [20, 20, np.nan, 20, 20], [19, 30, 30, 30, 30]])
+    tried = trials.Specimens({}, np.array([0, 0, 1, 1, 1]), np.log([0.25, 0.75]))
+    np.testing.assert_allclose(tried.weights, [0.125, 0.125, 0.25, 0.25, 0.25])
     with pytest.warns(UserWarning) as warned:
         found = module._result(planned, gains, effective, tried, [*TRAINING], "class", 0.7)
     assert found["design"].values.tolist() == ["b", "a", "c"]
-    np.testing.assert_allclose(found["information"], [0.7, 0.2, 0.1])
-    np.testing.assert_allclose(found["information_se"], [0.2 / 3**0.5, 0.02**0.5 / 12**0.5, 0.1])
-    np.testing.assert_allclose(found["difference"], [0, -1.5 / 3, -1.7 / 3])
+    # One specimen with a quarter of the weight cannot bear design b; errors are those of classes.
+    information = 0.55 / 0.75
+    error = np.sqrt((0.125**2 + 0.25**2) * 2 * 0.02) / 0.75
+    np.testing.assert_allclose(found["information"], [information, 0.2, 0.05])
+    np.testing.assert_allclose(found["information_se"], [error, 0.025, 0.05])
+    np.testing.assert_allclose(found["difference"], [0, -0.4 / 0.75, -0.5 / 0.75])
     np.testing.assert_allclose(found["difference_se"][0], 0)
     np.testing.assert_allclose(found["change_by_half"], [0.3, 0, 0.01], atol=1e-12)
-    np.testing.assert_allclose(found["unsure"], [0, 0, 0.25])
+    np.testing.assert_allclose(found["unsure"], [0, 0, 0.2])
     np.testing.assert_allclose(found["lacking"], [0.25, 0, 0])
-    assert found["true_class"].values.tolist() == ["soft", "soft", "stiff", "stiff"]
+    assert found["true_class"].values.tolist() == ["soft"] * 2 + ["stiff"] * 3
     assert found.attrs["entropy"] == pytest.approx(entr([0.25, 0.75]).sum())
     assert found.attrs["words"] == "'b' may give more than 0.7 nats of information"
     assert not found.attrs["stop"]
     with pytest.warns(UserWarning):
         found = module._result(planned, gains, effective, tried, [*TRAINING], "class", None)
     assert "stop" not in found.attrs
-    words = f"'b' is expected to give the most information, 0.700 ± {0.2 / 3**0.5:.3f} nats"
+    words = f"'b' is expected to give the most information, {information:.3f} ± {error:.3f} nats"
     assert found.attrs["words"] == words
     messages = [str(each.message) for each in warned]
     assert len(messages) == 2
-    assert messages[0].startswith("design 'c': 25% of the specimens have fewer than 20 effective")
+    assert messages[0].startswith("design 'c': 20% of the specimens have fewer than 20 effective")
     assert messages[1].startswith("design 'b': the information changes by 0.300 nats")
     # The density of a normal distribution by its quantiles.
     draws = stats.norm.ppf((np.arange(400) + 0.5) / 400)
     for at in (0.0, 1.0):
         assert trials._log_density(draws, at) == pytest.approx(stats.norm.logpdf(at), abs=0.02)
+
+
+def test_information_about_an_improbable_class_equals_a_sum_over_a_plane(classes):
+    """One of 70 specimens is soft: a test that finds it gains most of the information."""
+    chance = {"soft": 0.015, "stiff": 0.985}
+    known = with_distribution(classes, FAR)
+    found = information(known, {"a": MANY}, class_prior=chance, stop_below=0.01)
+    expected = Plane(known, FAR, precision(MANY), [*chance.values()]).about_class()
+    check_information(found, expected)
+    assert found.attrs["stop"] == 0
 
 
 def test_radii_of_planned_tests_follow_from_pressure_and_tube_of_each_specimen(classes):
