@@ -85,7 +85,7 @@ class Classification:
         if class_prior is None:
             for tree in self.trees:
                 _check_complete(tree)
-        self._prior = _class_prior(class_prior, self.names)
+        self._prior = class_prior_of(class_prior, self.names)
         with np.errstate(divide="ignore"):
             self._log_prior = np.log(self._prior)
         self._laws = laws_of(self.trees, kinds)
@@ -309,7 +309,7 @@ def is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
     return (doubtful & near).any(axis=1)
 
 
-def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
+def class_prior_of(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
     """Return the prior probabilities in the order of the classes; raise unless they are valid."""
     if class_prior is None:
         return np.full(len(names), 1 / len(names))

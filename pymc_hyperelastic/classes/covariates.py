@@ -5,10 +5,12 @@ Both are read from the data of fitted classes or from tables of the user, for
 """
 
 from collections.abc import Hashable, Sequence
+from datetime import datetime
 from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -127,14 +129,18 @@ def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:
                     "the name of such a variable, or a dict from specimens to values"
                 )
             parts = specimens_apart(data)
-            values = {n: np.unique(parts[n][given].values).tolist() for n in specimens}
+            values = {n: [*np.unique(parts[n][given].values)] for n in specimens}
             for name, several in values.items():
                 if len(several) > 1:
                     raise ValueError(
                         f"{what}: specimen {name!r} of class {group!r} has several values of "
-                        f"{given!r}: {listed(several)}"
+                        f"{given!r}: {listed(np.asarray(several).tolist())}"
                     )
-            found[group] = {name: value[0] for name, value in values.items()}
+            # Dates stay dates, which are no numbers of nanoseconds.
+            found[group] = {
+                n: v if isinstance(v, np.datetime64) else np.asarray(v).item()
+                for n, (v,) in values.items()
+            }
             continue
         table = {str(k): v for k, v in dict(given).items()}
         for name in specimens:
@@ -147,10 +153,20 @@ def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:
 def _as_numbers(name: str, values: OfSpecimens) -> dict[str, OfSpecimens]:
     """Return a covariate as numbers; a category as indicators of all values except the first."""
     flat = [(g, s, v) for g, of_group in values.items() for s, v in of_group.items()]
+    for group, specimen, value in flat:
+        where = f"covariate {name!r} of specimen {specimen!r} of class {group!r}"
+        if np.ndim(value):
+            raise ValueError(f"{where} has several values: give one for each specimen")
+        if isinstance(value, (datetime, np.datetime64)):
+            raise ValueError(
+                f"{where} is the date {value}: give a number, such as of days, or a text"
+            )
+        if pd.isna(value) or str(value).strip() in ("", "nan"):
+            raise ValueError(f"{where} is missing: leave the specimen out, or state it")
     numeric = [isinstance(v, (Real, np.bool_)) for _, _, v in flat]
     if all(numeric):
         for group, specimen, value in flat:
-            if not np.isfinite(float(value)):
+            if np.isinf(float(value)):
                 raise ValueError(
                     f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}; "
                     "expected a finite number"

@@ -50,7 +50,10 @@ def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditi
                 ("group", "quantity", "pressure", "draw"),
                 np.isnan(others).mean(axis=-1),
             ),
-            "overlap": (of_comparison, np.stack([_overlap(others[[*p]]) for p in places])),
+            "overlap": (
+                of_comparison,
+                np.stack([[_overlap(of) for of in others[[*p]].swapaxes(0, 1)] for p in places]),
+            ),
             "overlap_of_specimens": (
                 ("comparison", "draw"),
                 np.stack(

@@ -180,17 +180,19 @@ def _checked_probability(probability: Any) -> xr.DataArray:
 def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
     """Return the index of the true class of each unit."""
     unit, classes = probability.dims[0], probability["class_label"].values.tolist()
+    names = [n for n in (unit, "specimen", "experiment") if n in probability.coords]
+    of_units = {n: [*map(str, probability[n].values.tolist())] for n in names}
     if isinstance(truth, xr.DataArray):
-        for index in (unit,) if unit in truth.coords and unit in probability.coords else ():
-            if truth[index].values.tolist() != probability[index].values.tolist():
-                raise ValueError(f"probabilities and truth differ in {index!r}, or in its order")
+        for name, units in of_units.items():
+            if name in truth.coords and [*map(str, truth[name].values.tolist())] != units:
+                raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
         truth = truth.values
-    elif isinstance(truth, pd.Series) and not isinstance(truth.index, pd.RangeIndex):
-        index = truth.index.tolist()
-        for name in {unit, "specimen"} & {*probability.coords}:
-            units = probability[name].values.tolist()
-            # The index may be that of another table.
-            if units != index and not set(units).isdisjoint(index):
+    elif isinstance(truth, pd.Series):
+        index = [*map(str, truth.index.tolist())]
+        for name, units in of_units.items():
+            # The index may be that of another table, and equal to numbers of experiments by chance.
+            other = name == "experiment" or set(units).isdisjoint(index) or _is_default(truth)
+            if units != index and not other:
                 raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
     labels = np.asarray(truth).tolist()
     if not isinstance(labels, list) or len(labels) != len(probability):
@@ -204,6 +206,11 @@ def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
                 f"classes {classes}"
             )
     return np.array([classes.index(label) for label in labels])
+
+
+def _is_default(values: pd.Series) -> bool:
+    """Return True if an index has no labels, only the numbers of rows."""
+    return values.index.name is None and values.index.equals(pd.RangeIndex(len(values)))
 
 
 def _name_of_unit(probability: xr.DataArray, row: int) -> str:

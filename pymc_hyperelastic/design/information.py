@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.special import log_softmax
 
 from pymc_hyperelastic.classes.average import labels_of
+from pymc_hyperelastic.classes.classification import class_prior_of
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities
@@ -250,14 +250,11 @@ def _kind(classes: Any) -> HierarchicalClass:
     )
 
 
-def _log_prior(names: Sequence[str], given: Mapping[str, float] | None) -> Array:
-    if given is None:
-        return np.full(len(names), -np.log(len(names)))
-    if set(given) != set(names) or not all(given[n] > 0 for n in names):
-        raise ValueError(
-            f"class_prior must hold a positive number for each of {list(names)}; got {dict(given)}"
-        )
-    return log_softmax(np.log([given[n] for n in names]))
+def _log_prior(names: list[str], given: Mapping[str, float] | None) -> Array:
+    prior = class_prior_of(given, names)
+    if not (prior > 0).all():
+        raise ValueError(f"class_prior must be positive for each class; got {given}")
+    return np.log(prior)
 
 
 def _result(

@@ -348,6 +348,15 @@ def test_share_of_rising_animals_is_that_of_those_with_the_quantity(classes):
     assert found["share_rising"] > 0.98
 
 
+def test_overlap_of_a_quantity_does_not_depend_on_others(classes):
+    """Moduli are positive, and compared by their logarithms; the logarithms are negative."""
+    alone, beside = (
+        compare(classes, names, draws=100, specimens=32)["overlap"].sel(quantity="mu")
+        for names in ("mu", ["mu", X])
+    )
+    np.testing.assert_allclose(alone, beside)
+
+
 def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
     """The evidence of no difference is that of all laws together, divided by each factor."""
 

@@ -1,6 +1,9 @@
 """Covariates of specimens, and pairs of specimens of the same animal."""
 
+import math
+
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -58,7 +61,27 @@ def test_covariate_collinear_with_the_groups_warns_and_constant_one_is_refused(c
 def test_wrong_covariates_are_refused_with_the_specimen(classes):
     for given, message in (
         ({"age": {"A1": 3.0}}, "age: specimen 'A2' of class 'soft' has no value"),
-        ({"age": by_name(1, 2, np.nan, 1, 2, 3)}, "'age' of specimen 'A3' of class 'soft' is nan"),
+        (
+            {"age": by_name(1, 2, np.nan, 1, 2, 3)},
+            "'age' of specimen 'A3' of class 'soft' is missing",
+        ),
+        (
+            {"sex": by_name("f", "m", None, *"fmf")},
+            "'sex' of specimen 'A3' of class 'soft' is miss",
+        ),
+        (
+            {"sex": by_name("f", "m", "", *"fmf")},
+            "'sex' of specimen 'A3' of class 'soft' is missing",
+        ),
+        ({"age": by_name(1, 2, math.inf, 1, 2, 3)}, "'age' of specimen 'A3' .* is inf; expected"),
+        (
+            {"day": by_name(*pd.to_datetime(["2020-01-01"] * 3 + ["2020-01-02"] * 3))},
+            "'day' of specimen 'A1' of class 'soft' is the date 2020-01-01",
+        ),
+        (
+            pd.DataFrame({"age": range(12)}, index=[*NAMES, *NAMES]),
+            "'age' of specimen 'A1' of class 'soft' has several values",
+        ),
         ({"age": by_name(1, 2, "old", 1, 2, 3)}, "'age' is a number for some specimens"),
         (["age"], "the data of class 'soft' have no variable 'age' by test"),
     ):

@@ -121,6 +121,14 @@ def test_wrong_input_is_refused_with_the_unit():
         (NAMED, xr.DataArray(["A", "A"], {"unit": [2, 1]}), "and truth differ in 'unit'"),
         (NAMED, pd.Series(["A", "A"], [2, 1]), "and truth differ in 'unit'"),
         (TWO, pd.Series(["C1", "C2"], ["S2", "S1"]), "and truth differ in 'specimen'"),
+        # Evenly spaced numbers become a range.
+        (NAMED, pd.Series(["A", "A"], pd.RangeIndex(2, 0, -1)), "and truth differ in 'unit'"),
+        (NAMED, pd.Series(["A", "A"], ["2", "1"]), "and truth differ in 'unit'"),
+        (
+            TWO,
+            xr.DataArray(["C1", "C2"], {"specimen": ("test", ["S2", "S1"])}, dims="test"),
+            "and truth differ in 'specimen'",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             ph.score_probabilities(probability, truth)

@@ -327,7 +327,9 @@ def test_impossible_designs_and_wrong_settings_are_refused(classes):
     for settings, message in (
         ({"designs": {}}, "designs must be a dict from names to planned tests"),
         ({"about": "strength"}, "about is 'strength'; expected 'class' or one of"),
-        ({"class_prior": {"soft": 1.0}}, r"class_prior must hold a positive number for each of"),
+        ({"class_prior": {"soft": 1.0}}, r"class_prior names \['soft'\], but the classes are"),
+        ({"class_prior": {"soft": 1.0, "stiff": 0.0}}, "class_prior must be positive for each"),
+        ({"class_prior": {"soft": np.inf, "stiff": 1.0}}, "probabilities that add up to 1"),
         ({"given": TRAINING["soft"]}, r"given must hold tests of one specimen; it has \['A1',"),
         ({"draws": 8}, "draws is 8; expected at least 32"),
         ({"about": "compliance"}, "compliance depends on the pressure: give at="),
