@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import expit, logsumexp
 
-from pymc_hyperelastic.classes.average import Laws, labels_of, laws_of
+from pymc_hyperelastic.classes.average import error_of_mean, labels_of, laws_of
 from pymc_hyperelastic.classes.differences import by_draw, differences, interval, summary
 from pymc_hyperelastic.classes.groups import Groups, groups_of, kind_of_groups
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
@@ -251,11 +251,11 @@ def compare_classes(
     result = result.assign(power_scaling(differences(alone), log_prior, log_likelihood))
     if effect_prior is not None:
         apart = Apart(effect_prior, effect_prior * _LOG_SPREAD_RATIO)
-        factors = [
-            of_law.bayes_factors(apart, count, seed)
+        evidences = [
+            of_law.evidences(apart, count, seed)
             for of_law, seed in zip(by_law, seeds[2::2], strict=True)
         ]
-        result = result.assign(_averaged(factors, laws))
+        result = result.assign(_bayes_factors(evidences))
     _warn_of_lacking(result)
     result = result.assign(_spreads(by_law[likely].kind, found[likely].distributions, ci_prob))
     if by_law[0].covariates.names:
@@ -303,22 +303,20 @@ def _size(fitted: xr.DataTree) -> int:
     return int(posterior.sizes["chain"] * posterior.sizes["draw"])
 
 
-def _averaged(factors: Sequence[Sequence[Estimate]], laws: Laws) -> dict[str, Any]:
-    """Return the Bayes factor of each comparison, averaged over strain energies.
+def _bayes_factors(
+    evidences: Sequence[Sequence[tuple[Estimate, Estimate]]],
+) -> dict[str, Any]:
+    """Return the Bayes factor of each comparison from evidences by law, comparison and hypothesis.
 
-    The probabilities of the strain energies come from separate fits of the groups, and so hold
-    under the hypothesis of a difference. Dividing by the Bayes factor of each strain energy gives
-    the evidence of the hypothesis of no difference.
+    That of a hypothesis is the mean over strain energies, which are equally probable before.
     """
-    values, errors = np.moveaxis(np.array(factors), -1, 0)
-    log_none = laws.log_probability[:, None] - values
-    log_factor = -logsumexp(log_none, axis=0)
-    share = np.exp(log_none + log_factor)
-    with np.errstate(invalid="ignore"):
-        error = np.linalg.norm(np.where(np.isinf(errors), np.inf, share * errors), axis=0)
+    values, errors = np.moveaxis(np.array(evidences), -1, 0)
+    log_evidence = logsumexp(values, axis=0)
+    errors = error_of_mean(np.exp(values - log_evidence), errors)
+    log_factor = log_evidence[:, 0] - log_evidence[:, 1]
     return {
         "log_bayes_factor": ("comparison", log_factor),
-        "log_bayes_factor_se": ("comparison", error),
+        "log_bayes_factor_se": ("comparison", np.hypot(*errors.T)),
         "probability_of_difference": ("comparison", expit(log_factor)),
     }
 

@@ -132,10 +132,10 @@ class Groups:
         }
         return log_prior_and_likelihood(ClassModel(self.kind).kernel(draws, 1), fitted, count)
 
-    def bayes_factors(
+    def evidences(
         self, apart: Apart, count: int, seed: np.random.SeedSequence
-    ) -> list[Estimate]:
-        """Return the log Bayes factor of a difference against none, for each comparison."""
+    ) -> list[tuple[Estimate, Estimate]]:
+        """Return log evidences of a difference and of none, for each comparison."""
         found = []
         seeds = seed.spawn(len(self.comparisons))
         for pair, seed_of_pair in zip(self.comparisons, seeds, strict=True):
@@ -151,12 +151,11 @@ class Groups:
                     (units, self._joint(pair, apart)),
                     (together, self._joint(["all"], None)),
                 ]
-            evidences = [
+            different, same = (
                 log_evidence(joint.fit(data, count, 1, seed_of_fit))
                 for (data, joint), seed_of_fit in zip(both, seed_of_pair.spawn(2), strict=True)
-            ]
-            (value, error), (of_none, error_of_none) = evidences
-            found.append(Estimate(value - of_none, float(np.hypot(error, error_of_none))))
+            )
+            found.append((different, same))
         return found
 
     def _joint(self, groups: Sequence[str], apart: Apart | None) -> Joint:

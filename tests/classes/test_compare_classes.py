@@ -14,7 +14,7 @@ from variable_classes import SIGMA, STRESS, TRAINING, TUBE, UNIT_PRESSURE, fit, 
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import groups
-from pymc_hyperelastic.classes.compare_classes import _averaged
+from pymc_hyperelastic.classes.compare_classes import _bayes_factors
 from pymc_hyperelastic.classes.joint import Apart, Joint
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, standard_specimens
@@ -358,17 +358,19 @@ def test_overlap_of_a_quantity_does_not_depend_on_others(classes):
 
 
 def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
-    """The evidence of no difference is that of all laws together, divided by each factor."""
-
-    class Laws:
-        log_probability = np.log([0.7, 0.3])
-
-    found = _averaged([[(2.0, 0.1)], [(-1.0, 0.2)]], Laws())
-    none = 0.7 / np.exp(2.0), 0.3 / np.exp(-1.0)
-    assert found["log_bayes_factor"][1] == pytest.approx([-np.log(sum(none))])
-    error = np.hypot(none[0] * 0.1, none[1] * 0.2) / sum(none)
-    assert found["log_bayes_factor_se"][1] == pytest.approx([error])
-    assert found["probability_of_difference"][1] == pytest.approx([1 / (1 + sum(none))])
+    """The evidence of each hypothesis is the mean over two laws."""
+    different, same = [(-3.0, 0.1), (-2.0, 0.3)], [(-5.0, 0.2), (-1.0, 0.4)]
+    laws = zip(different, same, strict=True)
+    found = _bayes_factors([[tuple(ph.Estimate(*e) for e in law)] for law in laws])
+    means, errors = [], []
+    for evidences in (different, same):
+        values = np.exp([value for value, _ in evidences])
+        means.append(values.mean())
+        own = values * [error for _, error in evidences]
+        errors.append(np.linalg.norm(own) / values.sum())
+    assert found["log_bayes_factor"][1] == pytest.approx([np.log(means[0] / means[1])])
+    assert found["log_bayes_factor_se"][1] == pytest.approx([np.hypot(*errors)])
+    assert found["probability_of_difference"][1] == pytest.approx([means[0] / sum(means)])
 
 
 def test_standard_specimens_have_zero_mean_and_unit_covariance():
