@@ -156,7 +156,7 @@ def test_classes_whose_specimens_differ_take_specimens_with_tests_of_one_kind(of
 
 
 def test_difference_of_classes_of_sheets(of_sheets):
-    """It is that of the moduli; a radius at a pressure has no meaning without a tube."""
+    """Moduli differ by a factor of 40/15; a radius at a pressure has no meaning without a tube."""
     with pytest.raises(ValueError, match=r"inner_radius \(unknown\).*state the tube"):
         ph.compare_classes(of_sheets, ["log radius"], at=2.0, random_seed=1)
     at = ph.Conditions(2.0, tube=TUBE)
