@@ -4,7 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import fits
 import matplotlib
+import numpy as np
 import pymc as pm
+from threadpoolctl import threadpool_limits
 
 import pymc_hyperelastic as ph
 
@@ -62,3 +64,14 @@ def test_reports_in_two_threads_are_equal_and_keep_matplotlib_settings(tmp_path)
         pages = list(pool.map(lambda path: ph.report(data, path).read_text("utf-8"), paths))
     assert dict(matplotlib.rcParams) == before
     assert set(pages) == {pages[0]} and "data:image" in pages[0]
+
+
+def test_numbers_do_not_depend_on_the_threads_of_the_linear_algebra():
+    """Curves of many draws are products of matrices that BLAS divides between threads."""
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, user_api="blas"):
+            model = ph.inflation_model(ph.Ogden(), ph.load_dataset("simulated_sheep_aorta"), 5.0)
+            sampled = ph.sample_smc(model, 500, 1, random_seed=1, progressbar=False)
+            found.append(sampled["posterior"]["pressure"].values)
+    np.testing.assert_array_equal(*found)
