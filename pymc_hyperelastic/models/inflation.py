@@ -235,6 +235,8 @@ def build_model(
     """
     wall, distributions, unknown = complete_unknowns(energy, priors, parent)
     likelihood.check(wall, data, distributions, unknown, partial=forward is not None)
+    if (tubes := tubes_of(data)) is not None:
+        likelihood.check_forces(tubes)
     if forward is None:
         # Classes fit one compiled Potential to the data of each; observed variables are not shared.
         settings = {"mode": mode, "replaceable": not likelihood.observed}

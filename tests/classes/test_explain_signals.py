@@ -8,6 +8,7 @@ import pymc as pm
 import pytest
 import variable_classes
 from problems import AS_WRITTEN
+from tiers import deep
 from variable_classes import TUBE, classify, explain
 
 import pymc_hyperelastic as ph
@@ -113,6 +114,17 @@ def test_parts_of_signals_equal_closed_forms(result):
         np.testing.assert_allclose(found[i], expected, atol=TOLERANCE)
     assert np.abs(found).max() > 1
     np.testing.assert_array_equal(found.sel(part="force")[2], 0)
+
+
+@pytest.mark.parametrize("settings", [{}, *deep([{"variability": "specimen", "priors": None}])])
+def test_specimen_without_forces_is_classified_alone_as_beside_others(settings):
+    """It may have a column of forces without a number, or none."""
+    classes = fit(**{"draws": 200} | settings)
+    without = ph.select(NEW, specimen="N3")
+    found = [classify(data, classes) for data in (NEW, without, without.drop_vars("axial_force"))]
+    beside, *alone = (result["log_evidence"].sel(specimen="N3").values for result in found)
+    for evidence in alone:
+        np.testing.assert_allclose(evidence, beside, rtol=0, atol=TOLERANCE)
 
 
 def test_part_of_the_only_signal_equals_the_log_ratio():

@@ -15,6 +15,7 @@ from problems import AS_WRITTEN
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
+from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
 from pymc_hyperelastic.models.settings import inflation_data_of, model_settings_of
 
@@ -96,6 +97,25 @@ def test_prior_restricted_to_rising_pressures_integrates_to_one():
 
 
 # --- in the context of another model -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "likelihood",
+    [ph.SlopeAugmented(0.6, 1.0), ph.Gaussian(0.6), ph.Gaussian(0.6, force_sd=5.0)],
+    ids=lambda likelihood: repr(likelihood),
+)
+def test_a_density_computes_no_more_numbers_if_there_are_more_points(likelihood):
+    """With a known tube and known radii, a few nodes stand for all points of a test."""
+
+    def cost(points):
+        radius = np.linspace(7.3, 10.2, points)
+        frame = pd.DataFrame({"specimen": "S", "experiment": 1, "radius": radius})
+        frame = frame.assign(pressure=50 * np.log(radius / 7), axial_force=100.0)
+        data = ph.inflation_data(frame, ph.Tube(7.0, 9.0, axial_stretch=1.2), check="ignore")
+        model = ph.ogden_model(data, likelihood)
+        return BatchedFunction.of_model(model, [model.logp()]).cost()
+
+    assert cost(1000) == cost(100)
 
 
 def test_log_densities_of_two_tubes_in_one_model_add_up():

@@ -175,9 +175,9 @@ class Likelihood:
     ) -> None:
         """Raise unless the data have all that the likelihood of such a tube needs.
 
-        With `partial`, all tests may be of tubes, or of sheets, where the likelihood states errors
-        of both: the data are those of some specimens. If tests of a specimen are used `together`,
-        warn if they are of several phases or cycles.
+        With `partial` the data are those of some specimens: all tests may be of tubes, or of
+        sheets, where the likelihood states errors of both, and none may have axial forces. If tests
+        of a specimen are used `together`, warn if they are of several phases or cycles.
         """
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
@@ -191,22 +191,19 @@ class Likelihood:
             if together:
                 warn_of_repeats(data)
         if tubes is not None:
-            self._check_tubes(wall, tubes, of_tubes(geometry))
+            check_tube(wall, tubes, of_tubes(geometry))
+            if not partial:
+                self.check_forces(tubes)
+            if self.errors().counts_slopes:
+                check_slopes(tubes)
 
-    def _check_tubes(
-        self,
-        wall: StrainEnergy | Sequence[Layer],
-        data: xr.Dataset,
-        geometry: Mapping[str, Any] | None,
-    ) -> None:
-        check_tube(wall, data, geometry)
-        if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
+    def check_forces(self, tubes: xr.Dataset) -> None:
+        """Raise if errors of axial forces are stated, and no force was measured."""
+        if self.with_force and "force" not in self.measured(tubes):
             raise ValueError(
                 f"{self.force_name} is given, but the data hold no axial forces: add a column "
                 f"'axial_force', or leave {self.force_name} away"
             )
-        if self.errors().counts_slopes:
-            check_slopes(data)
 
     def forward_model(self, *tests: Any, **settings: Any) -> ForwardModel:
         """Return the forward model of the signals: arguments are those of :func:`forward_model`."""

@@ -33,14 +33,18 @@ from pymc_hyperelastic.models.likelihoods.signals import (
     offset_moments,
     rows_of_forces,
     signals_of,
+    values_of,
     weights_of_tests,
 )
 from pymc_hyperelastic.models.likelihoods.slopes import (
     central_differences,
+    half_log_determinant,
     measured_slopes,
+    number_of_slopes,
     precision_root,
     squared_singular_values,
 )
+from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], Tensor]
@@ -68,7 +72,7 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> T
     key = errors.counts_slopes, errors.force_sd is not None, errors.force_offset_sd is not None
     with_slopes, with_force, with_offset = key
     squares, conditions, force_sums = tube.misfits(key, lambda data: _targets(data, *key))
-    points = measured(forward, "pressure").shape[0]
+    points = _of_data(tube, _number_of_pressures)
     terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
     if with_slopes:
         normaliser = _slope_normaliser(tube, errors, with_pressure)
@@ -90,7 +94,7 @@ def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dic
         targets["slope"] = np.full(data.sizes["obs"], np.nan)
         targets["slope"][central_differences(data)[0]] = measured_slopes(data)
     if forces:
-        targets["force"] = data["axial_force"].values.astype(float)
+        targets["force"] = values_of(data, "axial_force")
     if offsets:
         targets["force_sum"] = targets["force"]
     return targets
@@ -104,15 +108,27 @@ def _slope_normaliser(tube: SymbolicTube, errors: Errors, with_pressure: bool) -
 
     .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
     """
+    weight = errors.slope_weight
+    if not with_pressure:
+        variance = pt.square(as_double(errors.pressure_sd)) / as_double(weight)
+        return normal_log_density(0.0, variance, _of_data(tube, number_of_slopes))
+    if is_inferred(weight):
+        eigenvalues = _of_data(tube, squared_singular_values)
+        return pt.sum(pt.log1p(as_double(weight) * eigenvalues)) / 2
+    return _of_data(tube, half_log_determinant, weight)
+
+
+def _number_of_pressures(data: xr.Dataset) -> int:
+    return int(data["pressure"].notnull().sum())
+
+
+def _of_data(tube: SymbolicTube, function: Callable[..., Any], *given: float) -> Tensor:
+    """Return ``function(data, *given)`` as a variable that follows the data."""
+    name = function.__name__
     arrays = tube.forward.share(
-        "slope normaliser", lambda data: {"eigenvalues": squared_singular_values(data)}
+        (name, *given), lambda data: {name: np.asarray(function(data, *given), dtype=float)}
     )
-    eigenvalues = arrays["eigenvalues"]
-    weight = as_double(errors.slope_weight)
-    if with_pressure:
-        return pt.sum(pt.log1p(weight * eigenvalues)) / 2
-    variance = pt.square(as_double(errors.pressure_sd)) / weight
-    return normal_log_density(0.0, variance, eigenvalues.shape[0])
+    return arrays[name]
 
 
 def _terms_by_points(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> Terms:

@@ -93,7 +93,14 @@ def force_arrays(tube: SymbolicTube) -> dict[str, Any]:
 
 def rows_of_forces(data: xr.Dataset) -> NDArray[np.intp]:
     """Return the points at which a force was measured."""
-    return np.flatnonzero(np.isfinite(data["axial_force"].values.astype(float)))
+    return np.flatnonzero(np.isfinite(values_of(data, "axial_force")))
+
+
+def values_of(data: xr.Dataset, name: str) -> NDArray[np.float64]:
+    """Return the values of a quantity at all points; NaN where it was not measured."""
+    if name not in data:
+        return np.full(data.sizes["obs"], np.nan)
+    return data[name].values.astype(float)
 
 
 def force_errors(tube: SymbolicTube, expected: Signals) -> Tensor:
@@ -108,7 +115,7 @@ def measured(
     """Return the measured values of a quantity, where it was measured, as a shared variable."""
 
     def arrays_of(data: xr.Dataset) -> dict[str, NDArray]:
-        values = data[name].values.astype(float)
+        values = values_of(data, name)
         return {f"{name}_data": values[np.isfinite(values)]}
 
     return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]

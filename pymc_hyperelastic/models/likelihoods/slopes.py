@@ -112,6 +112,11 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     return interior, 1 / step
 
 
+def number_of_slopes(data: xr.Dataset) -> int:
+    """Return the number of points that have a slope."""
+    return len(central_differences(data)[0])
+
+
 def squared_singular_values(data: xr.Dataset) -> np.ndarray:
     r"""Return the eigenvalues ``s`` of ``D Dᵀ``, one for each slope.
 
@@ -143,3 +148,8 @@ def precision_root(data: xr.Dataset, slope_weight: float) -> tuple[np.ndarray, n
         own[i] += link[i + 2] * own[i + 2] / (own[i + 2] + link[i + 2])
     diagonal = np.sqrt(own + link)[:size]
     return diagonal, -link[:size] / diagonal
+
+
+def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
+    """Return ``½ ln det(I + β DᵀD)`` for a known ``β``, in a time proportional to the points."""
+    return float(np.log(precision_root(data, slope_weight)[0]).sum())
