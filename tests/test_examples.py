@@ -1,6 +1,6 @@
 """The examples run as notebooks and write the files that they announce.
 
-``make docs`` runs some of them in full. Here these are marked `long`, but for the main study.
+``make docs`` runs some of them in full, the main study among them. Here these are marked `long`.
 """
 
 import runpy
@@ -66,8 +66,7 @@ def test_every_example_is_run_or_needs_tables_from_elsewhere():
     }
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("study", ["sheep_aorta", *long(["pulmonary_hypertension"])])
+@pytest.mark.parametrize("study", long(["sheep_aorta", "pulmonary_hypertension"]))
 def test_study_prints_its_tables_and_writes_its_figures_and_results(study, tmp_path):
     printed = run(study, tmp_path)
     assert "log evidence" in printed
@@ -94,6 +93,7 @@ def test_specimens_of_the_shipped_table_are_classified_and_reported(tmp_path):
     assert "New specimens" in page
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_pooled_classes_of_the_cohort_are_overconfident(tmp_path):
     printed = run("simulated_cohort", tmp_path)
