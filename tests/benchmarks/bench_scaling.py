@@ -41,6 +41,8 @@ def report(benchmark, peer, evidences):
     benchmark.extra_info["title"] = peer.title
 
 
+# By chance, one run in a hundred is called doubtful.
+@pytest.mark.filterwarnings("ignore:the evidence is doubtful")
 @pytest.mark.parametrize("name", PEERS)
 def test_repeated_run_of_each_package(benchmark, name):
     """Run a peer in a session in which it has been compiled before."""
