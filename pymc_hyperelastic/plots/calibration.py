@@ -10,23 +10,23 @@ import xarray as xr
 from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.curves import Array
+from pymc_hyperelastic.plots.curves import DRAWS, Array
+from pymc_hyperelastic.plots.panels import columns_of, size_of
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.
-_BAND_SIMULATIONS = 1000
-_BAND_SEED = 0  # the band is the same at every call
-_COLUMNS = 4  # of panels
-_TICKS = {"values": [0.0, 0.5, 1.0], "labels": ["0", "0.5", "1"]}
-# Variables of each bin of a table of scores, what visuals call them, and the error of a forecast.
-_OF_BINS = (
-    *("observed_frequency", "predicted_probability", "frequency_lower", "frequency_upper"),
-    *("bin_left", "bin_right", "count"),
-)
-_COORDINATES = ("y", "x", "y_bottom", "y_top", "left_edges", "right_edges", "histogram")
+# Variables of each bin of a table of scores, and what visuals call them.
+_OF_BINS = {
+    "observed_frequency": "y",
+    "predicted_probability": "x",
+    "frequency_lower": "y_bottom",
+    "frequency_upper": "y_top",
+    "bin_left": "left_edges",
+    "bin_right": "right_edges",
+    "count": "histogram",
+}
 _ERROR = "expected_calibration_error"
 
 
@@ -100,16 +100,15 @@ def plot_calibration_ranks(
     if rank.ndim == 1:
         rank = rank.expand_dims("parameter", axis=1)
     names = rank["parameter"].values.tolist()
-    simulations, columns = rank.sizes["simulation"], min(len(names), _COLUMNS)
+    simulations, columns = rank.sizes["simulation"], columns_of(len(names), 3)
     uniform = xr.DataArray(np.arange(values + 1) / values, dims="value")
     below = (rank < xr.DataArray(np.arange(values + 1), dims="value")).mean("simulation")
-    size = (max(2.5 * columns + 0.7, 4.6), 2.3 * -(-len(names) // columns) + 0.7)
     canvas = Canvas(
         "wrap",
         stacked("ranks", x=uniform, y=below - uniform),
         "band reference line xlabel ylabel title",
         (backend, visuals, pc_kwargs),
-        size,
+        size_of(columns, -(-len(names) // columns)),
         {"sharey": True},
         cols=["parameter"],
         col_wrap=columns,
@@ -122,7 +121,7 @@ def plot_calibration_ranks(
     canvas.draw("line", "line_xy", width=1.5)
     zero = _straight("ranks", 0.0, 0.0, parameter=names)
     canvas.draw("reference", "line_xy", data=zero, width=0.8, **grey)
-    canvas.adjust("set_xticks", **_TICKS)
+    canvas.end_at_0_and_1()
     p_values = np.atleast_1d(sbc["p_value"].values).tolist()
     for i, (name, p_value) in enumerate(zip(names, p_values, strict=True)):
         where = {"coords": {"parameter": name}}
@@ -196,10 +195,7 @@ def plot_reliability(
     if len(set(names)) < len(names):
         raise damaged(scores, f"forecasts are {names}, and their names must differ")
     scores = scores.assign_coords(forecast=names)
-    axes = "y x y_bottom y_top left_edges right_edges histogram".split()
-    drawn = stacked(
-        "reliability", **{axis: scores[v] for axis, v in zip(axes, _OF_BINS, strict=True)}
-    )
+    drawn = stacked("reliability", **{axis: scores[name] for name, axis in _OF_BINS.items()})
     canvas = Canvas(
         "grid",
         drawn.expand_dims(part=["diagram", "count"]),
@@ -220,8 +216,7 @@ def plot_reliability(
     canvas.draw("interval", "ci_line_y", **diagram, width=1.2, clip_on=False)
     canvas.draw("points", "scatter_xy", **diagram, size=20, clip_on=False)
     canvas.draw("bar", "hist", data=drawn, coords={"part": "count"}, alpha=0.75)
-    canvas.adjust("set_xlim", limits=(0, 1))
-    canvas.adjust("set_xticks", **_TICKS)
+    canvas.end_at_0_and_1()
     canvas.adjust("set_ylim", limits=(0, 1), **diagram)
     for name in names:
         title = f"{name}\n(ECE = {float(scores[_ERROR].sel(forecast=name)):.3f})"
@@ -248,8 +243,8 @@ def _simultaneous_band(simulations: int, values: int, ci_prob: float) -> tuple[A
 
     # At these points the share of ranks below is binomial, though ranks are discrete.
     due = np.arange(1, values) / values
-    rng = np.random.default_rng(_BAND_SEED)
-    pointwise = simulate_confidence_bands(simulations, 1, due, ci_prob, _BAND_SIMULATIONS, rng)
+    rng = np.random.default_rng(0)  # the band is the same at every call
+    pointwise = simulate_confidence_bands(simulations, 1, due, ci_prob, DRAWS, rng)
     low, high = get_pointwise_confidence_band(pointwise, simulations, due)
     x, low, high = (np.concatenate([[0.0], v, [1.0]]) for v in (due, low, high))
     return x, low - x, high - x

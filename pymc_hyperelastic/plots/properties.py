@@ -23,15 +23,8 @@ from pymc_hyperelastic.plots.curves import (
     looks_of,
 )
 from pymc_hyperelastic.plots.labels import LABELS, axis_label
-from pymc_hyperelastic.plots.style import (
-    Backend,
-    Canvas,
-    Visuals,
-    Wishes,
-    fitted_classes,
-    law_of,
-    training_attrs,
-)
+from pymc_hyperelastic.plots.panels import columns_of, size_of
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, Wishes, fitted_classes
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -40,7 +33,7 @@ from pymc_hyperelastic.predictions.stress import wall_stress
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Shown unless others are asked for.
+# Quantities over the pressure; the first ones are shown unless others are asked for.
 _OF_THE_CURVE = (
     "compliance",
     "distensibility",
@@ -48,17 +41,14 @@ _OF_THE_CURVE = (
     "incremental_modulus",
     "pulse_wave_velocity",
 )
-PROPERTY_LABELS = {
-    name: axis_label(name)
-    for name in (
-        *_OF_THE_CURVE,
-        "circumferential_stress",
-        "axial_stress",
-        "circumferential_material_stiffness",
-        "axial_material_stiffness",
-        "stored_energy",
-    )
-}
+_KNOWN = (
+    *_OF_THE_CURVE,
+    "circumferential_stress",
+    "axial_stress",
+    "circumferential_material_stiffness",
+    "axial_material_stiffness",
+    "stored_energy",
+)
 _STRESSES = ("sigma_rr", "sigma_tt", "sigma_zz")
 
 
@@ -125,9 +115,9 @@ def plot_elastic_properties(
     ['compliance', 'distensibility']
     """
     names = list(var_names)
-    unknown = [name for name in names if name not in PROPERTY_LABELS]
+    unknown = [name for name in names if name not in _KNOWN]
     if unknown or not names or isinstance(var_names, str):
-        raise ValueError(f"var_names must be a list of {list(PROPERTY_LABELS)}; got {var_names!r}")
+        raise ValueError(f"var_names must be a list of {list(_KNOWN)}; got {var_names!r}")
     fitted = fitted_classes(classes)
     at = _conditions(at, pc_kwargs)
     tables = {
@@ -154,8 +144,8 @@ def draw_over_pressure(
     """Draw bands of each class over the pressure, a panel for each quantity."""
     bands = gathered(curves, {"class_label": classes}, BAND)
     names = list(map(str, bands.data_vars))
-    columns = min(len(names), 3)
-    size = (3 * columns + 0.2, 2.6 * -(-len(names) // columns) + 0.5)
+    columns = columns_of(len(names), 3)
+    size = size_of(columns, -(-len(names) // columns))
     looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
     canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
     entries = canvas.entries("class_label", "class ", "color", "linestyle")
@@ -290,5 +280,4 @@ def _title(
     """Name the law, the specimen, the pressure if there is one, and the data."""
     specimen = next(iter(tables.values())).attrs.get("specimen")
     whose = f"{specimen} specimen" if specimen == TYPICAL else specimen and f"specimen {specimen}"
-    law = law_of(next(iter(fitted.values())), energy)
-    canvas.title(training_attrs(fitted), law, whose, pressure)
+    canvas.title_of_fits(fitted, energy, whose, pressure)
