@@ -121,7 +121,6 @@ def plot_calibration_ranks(
     canvas.draw("line", "line_xy", width=1.5)
     zero = _straight("ranks", 0.0, 0.0, parameter=names)
     canvas.draw("reference", "line_xy", data=zero, width=0.8, **grey)
-    canvas.end_at_0_and_1()
     p_values = np.atleast_1d(sbc["p_value"].values).tolist()
     for i, (name, p_value) in enumerate(zip(names, p_values, strict=True)):
         where = {"coords": {"parameter": name}}

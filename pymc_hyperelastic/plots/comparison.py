@@ -211,9 +211,11 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
     if specimens.sizes["specimen"]:
         x, y, interval = (specimens[n] for n in ("x", "specimen_value", "specimen_value_interval"))
         if paired:
-            ends = [v.rename(group="end").drop_vars("end") for v in (x, y)]
+            of_animal = [v.rename(group="end").drop_vars("end") for v in (x, y)]
             plain = {"color": _LINE, "ignore_aes": {"color"}}
-            canvas.draw_xy("animals", "line_xy", *ends, width=0.7, **plain, **left)
+            canvas.draw_xy(
+                "animals", "line_xy", of_animal[0], of_animal[1], width=0.7, **plain, **left
+            )
         canvas.draw_xy("specimen_interval", "line_xy", x, interval, width=0.7, alpha=0.6, **left)
         canvas.draw_xy("specimens", "scatter_xy", x, y, size=14, **left)
     x = xr.DataArray(np.arange(groups.sizes["group"]) + 0.32, {"group": groups["group"]}, "group")

@@ -250,7 +250,7 @@ def curves_of(
         if key not in by_tube:
             # Draws of a specimen take long, and serve for its tests at all stretches.
             is_known = np.isfinite(at_points(own, "axial_stretch")).all()
-            tube = Tube(**known, **({"axial_stretch": 1.0} if is_known else {}))
+            tube = Tube(**known | ({"axial_stretch": 1.0} if is_known else {}))
             by_tube[key] = draws_of(specimen.tree, tube, specimen.member, energy)
         draws = by_tube[key]
         band, draws = _band(signal, own, draws, ci_prob)

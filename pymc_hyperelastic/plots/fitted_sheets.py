@@ -84,6 +84,10 @@ def _residuals(
         for by, given in stretches.items():
             if np.isnan(given).all():
                 continue
-            slope = slope_of(lambda shifted, by=by: curve({**stretches, by: shifted}), given)
+
+            def along(shifted: Array, by: str = by) -> Array:
+                return curve({**stretches, by: shifted})
+
+            slope = slope_of(along, given)
             variance = variance + np.square(errors.stretch_sd * np.nan_to_num(slope))
     return np.median((stress - curve(stretches)) / np.sqrt(variance), axis=(0, 1))

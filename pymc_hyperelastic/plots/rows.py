@@ -61,6 +61,6 @@ def write(
         settings = {"color": "0.1" if known.item() else DOUBT} | settings
         return annotate_xy(da, target, text=literal(text.item()), **settings)
 
-    align = {"horizontal_align": "left", "vertical_align": "center", "size": 9}
+    align: dict[str, Any] = {"horizontal_align": "left", "vertical_align": "center", "size": 9}
     content = {"function": annotate, "text": text, "known": known}
     canvas.draw_xy(name, x=places[0], y=places[1], **content, **align, **settings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from textwrap import fill
@@ -257,7 +257,7 @@ def inches_of(texts: Iterable[str]) -> float:
     return 0.08 * max(len(line) for text in texts for line in [*text.splitlines(), ""])
 
 
-def check_choice(name: str, given: object, known: Iterable[str | None]) -> None:
+def check_choice(name: str, given: object, known: Collection[str | None]) -> None:
     """Raise unless an argument is one of the known names."""
     if given not in known:
         raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, not {given!r}")
