@@ -119,8 +119,8 @@ def plot_calibration_ranks(
     grey = {"ignore_aes": "all", "color": "0.5"}
     canvas.draw("band", "fill_between_y", x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
     canvas.draw("line", "line_xy", width=1.5)
-    zero = _straight("ranks", 0.0, 0.0, parameter=names)
-    canvas.draw("reference", "line_xy", data=zero, width=0.8, **grey)
+    zero = xr.zeros_like(rank.isel(simulation=0, drop=True)).to_dataset(name="ranks")
+    canvas.draw("reference", "hline", data=zero, width=0.8, **grey)
     p_values = np.atleast_1d(sbc["p_value"].values).tolist()
     for i, (name, p_value) in enumerate(zip(names, p_values, strict=True)):
         where = {"coords": {"parameter": name}}
@@ -208,9 +208,8 @@ def plot_reliability(
         color=PALETTE[:1],
     )
     diagram: dict[str, Any] = {"data": drawn, "coords": {"part": "diagram"}}
-    diagonal = diagram | {"data": _straight("reliability", 0.0, 1.0, forecast=names)}
     grey = {"color": "0.5", "width": 0.8, "linestyle": "--", "ignore_aes": "all"}
-    canvas.draw("diagonal", "line_xy", **diagonal, **grey)
+    canvas.draw("diagonal", "dline", x=[0.0, 1.0], **diagram, **grey)
     # Points at 0 or 1 are drawn whole, though the axes end there.
     canvas.draw("interval", "ci_line_y", **diagram, width=1.2, clip_on=False)
     canvas.draw("points", "scatter_xy", **diagram, size=20, clip_on=False)
@@ -227,13 +226,6 @@ def plot_reliability(
     intervals = f"{100 * read_number(scores, 'prob'):.3g} % intervals"
     canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")
     return canvas.collection
-
-
-def _straight(name: str, left: float, right: float, **panels: list) -> xr.Dataset:
-    """Line from the left to the right end of each panel."""
-    ends = [[0.0, 1.0], [left, right]]
-    line = xr.Dataset({name: (("plot_axis", "end"), ends)}, {"plot_axis": ["x", "y"]})
-    return line.expand_dims(panels)
 
 
 def _simultaneous_band(simulations: int, values: int, ci_prob: float) -> tuple[Array, Array, Array]:
