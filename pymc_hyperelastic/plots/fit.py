@@ -346,7 +346,7 @@ def _label(
     Numbers are hidden on an axis that another panel on the left, or below, has as well.
     """
     variables, signal, tints = figure.of_each_panel, figure.signal, _tints_of(figure)
-    vertical = beside_panel(axis_label(figure.vertical, pressure_unit))
+    horizontal, vertical = figure.quantities
     for n, one in enumerate(figure.specimens):
         coords = figure.panel(one)
         whole = {"data": variables.sel(coords, drop=True), "coords": coords}
@@ -361,11 +361,11 @@ def _label(
         if figure.has_residuals:
             canvas.adjust("set_ticklabel_visibility", **panel, **hidden)
         if n + figure.columns >= len(figure.specimens):
-            canvas.label("xlabel", axis_label(figure.horizontal), **lowest)
+            canvas.label("xlabel", axis_label(horizontal), **lowest)
         elif shared[0]:
             canvas.adjust("set_ticklabel_visibility", **lowest, **hidden)
         if n % figure.columns == 0:
-            canvas.label("ylabel", vertical, **panel)
+            canvas.label("ylabel", beside_panel(axis_label(vertical, pressure_unit)), **panel)
             canvas.label("ylabel", "residual\n(SD)", **strip)
         else:
             beside = whole if shared[1] else strip

@@ -14,7 +14,7 @@ from pymc_hyperelastic.plots.fitted_curves import (
     SIGNALS,
     Specimen,
     curves_of,
-    radius_of,
+    quantities_of,
     stretch_labels,
     tubes_of,
 )
@@ -68,22 +68,11 @@ class FitFigure(NamedTuple):
         return self.by is not None and self.curves.sizes[self.group] > 1
 
     @property
-    def horizontal(self) -> str:
-        """Quantity on the horizontal axis."""
+    def quantities(self) -> tuple[str, str]:
+        """Quantities on the horizontal and on the vertical axis."""
         if SIGNALS[self.signal].of_sheets:
-            return "stretch"
-        if SIGNALS[self.signal].over_stretch:
-            return "axial_stretch"
-        return radius_of(self.specimens[0].tests)
-
-    @property
-    def vertical(self) -> str:
-        """Quantity on the vertical axis."""
-        if SIGNALS[self.signal].of_sheets:
-            return stress_label(one.tests for one in self.specimens)
-        if self.signal == "extension_radius":
-            return radius_of(self.specimens[0].tests)
-        return SIGNALS[self.signal].quantity
+            return "stretch", stress_label(one.tests for one in self.specimens)
+        return quantities_of(self.signal, self.specimens[0].tests)
 
     @property
     def columns(self) -> int:

@@ -285,8 +285,8 @@ def _is_used(signal: str, tests: xr.Dataset, errors: Errors) -> bool:
 
 def _band(signal: str, tests: xr.Dataset, draws: Draws, ci_prob: float) -> tuple[Array, Draws]:
     """Rows of the band over tests on one tube, and the draws at its axial stretch."""
-    shown, x = SIGNALS[signal], abscissa(signal, tests)
-    if shown.over_stretch:
+    x = at_points(tests, quantities_of(signal, tests)[0])
+    if SIGNALS[signal].over_stretch:
         grid, pressure = (evenly_along(x, v, CURVE_POINTS) for v in (x, tests["pressure"].values))
         draws = _stretched(draws, grid)
         radius = draws.radius_at(pressure)
@@ -347,11 +347,11 @@ def _known_tube(specimen: Specimen, tests: xr.Dataset) -> dict[str, Any]:
     return {name: value for name, value in known.items() if np.isfinite(value)}
 
 
-def abscissa(signal: str, tests: xr.Dataset) -> Array:
-    """Values on the horizontal axis: axial stretches, or the measured radii or diameters."""
-    if SIGNALS[signal].over_stretch:
-        return at_points(tests, "axial_stretch")
-    return tests[radius_of(tests)].values
+def quantities_of(signal: str, tests: xr.Dataset) -> tuple[str, str]:
+    """Return the quantities on the horizontal and the vertical axis of a signal of tubes."""
+    radius, shown = radius_of(tests), SIGNALS[signal]
+    horizontal = "axial_stretch" if shown.over_stretch else radius
+    return horizontal, radius if signal == "extension_radius" else shown.quantity
 
 
 def radius_of(tests: xr.Dataset) -> str:
@@ -379,24 +379,17 @@ def _at_points(signal: str, tests: xr.Dataset, draws: Draws) -> tuple[xr.Dataset
 
 def _slopes(tests: xr.Dataset) -> Array:
     """Central differences of the pressure by the internal radius, kPa/mm; NaN at ends of tests."""
-    radius, pressure = tests["radius"].values, tests["pressure"].values
+    radius, pressure, test = (tests[name].values for name in ("radius", "pressure", "test"))
+    step = radius[2:] - radius[:-2]
+    step = np.where((test[2:] == test[:-2]) & (step != 0), step, np.nan)
     slope = np.full_like(pressure, np.nan)
-    for i in range(tests.sizes["test"]):
-        test = points_of(tests, i)
-        step = radius[test][2:] - radius[test][:-2]
-        step[step == 0] = np.nan
-        slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
+    slope[1:-1] = (pressure[2:] - pressure[:-2]) / step
     return slope
 
 
 def _measured(signal: str, tests: xr.Dataset, points: Points) -> Array:
     """Rows `POINTS` of the measured values."""
-    if signal == "stiffness":
-        values = points.slopes
-    elif signal == "extension_radius" and "outer_diameter" in tests:
-        values = tests["outer_diameter"].values
-    elif SIGNALS[signal].quantity in tests:
-        values = tests[SIGNALS[signal].quantity].values
-    else:
-        values = np.full(tests.sizes["obs"], np.nan)
-    return np.array([abscissa(signal, tests), values])
+    horizontal, vertical = quantities_of(signal, tests)
+    unknown = xr.full_like(tests["pressure"], np.nan)
+    values = points.slopes if signal == "stiffness" else tests.get(vertical, unknown).values
+    return np.array([at_points(tests, horizontal), values])
