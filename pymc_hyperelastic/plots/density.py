@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -274,9 +274,9 @@ def _regions(
 def _draw_regions(canvas: Canvas, regions: xr.Dataset, by_log: NDArray[np.bool_]) -> None:
     """Draw areas and lines around typical specimens, and a line around new ones."""
     shown = regions.sizes["prob"]
-    line = {"kind": "contour", "linewidths": 1.2}
+    line = {"draw": canvas.backend.contour, "linewidths": 1.2}
     for name, whose, levels, settings in (
-        ("area", "typical", shown, {"kind": "contourf", "alpha": 0.4}),
+        ("area", "typical", shown, {"draw": canvas.backend.contourf, "alpha": 0.4}),
         ("line", "typical", shown, line | {"linestyles": "solid"}),
         ("new", "new", 1, line | {"linestyles": "dashed"}),
     ):
@@ -357,24 +357,20 @@ def _contours(
     da: xr.DataArray,
     target: Any,
     *,
-    kind: str,
+    draw: Callable,
     mixture: xr.DataArray,
     level: xr.DataArray,
     by_log: NDArray[np.bool_],
     **settings: Any,
 ) -> NDArray[np.object_]:
     """Draw one contour, or the area inside it, for each level that the density reaches here."""
-    from arviz_plots.plot_collection import backend_from_object
-
     x, y = np.linspace(da.values[:, 0], da.values[:, 1], _GRID, axis=1)
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     density = mixture.item().log_density(nodes).reshape(_GRID, _GRID)
     x, y = (np.exp(v) if logarithm else v for v, logarithm in zip((x, y), by_log, strict=True))
-    draw = getattr(backend_from_object(target), kind)
-    artists = np.full(level.size, None, dtype=object)
+    artists, peak = np.full(level.size, None, dtype=object), float(density.max())
     for i, threshold in enumerate(level.values.tolist()):
-        peak = float(density.max())
         if peak > threshold:
-            levels = [threshold, peak + 1] if kind == "contourf" else [threshold]
+            levels = [threshold, peak + 1]  # areas have two ends
             artists[i] = draw(x, y, density, target, levels=levels, **settings)
     return artists

@@ -215,20 +215,21 @@ def _chosen(
     found: list[Specimen], names: Sequence[str] | None, by_test: bool = False
 ) -> tuple[list[Specimen], str | None]:
     """Return the specimens that are shown, and what the title says if some are not shown."""
-    if names is not None:
-        names = [names] if isinstance(names, str) else list(names)
-        known = list(dict.fromkeys(one.name for one in found))
-        unknown = [name for name in names if name not in known]
-        if unknown or not names:
-            what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
-            raise ValueError(f"{what}: expected some of {known}")
-        chosen = [one for one in found if one.name in names]
-        note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
-        return tests_apart(chosen) if by_test else chosen, note
-    panels, what = (tests_apart(found), "tests") if by_test else (found, "specimens")
-    chosen = [panels[i] for i in evenly(len(panels), MOST_PANELS)]
-    note = f"{len(chosen)} of {len(panels)} {what}" if len(chosen) < len(panels) else None
-    return chosen, note
+    if names is None:
+        panels = tests_apart(found) if by_test else found
+        chosen = [panels[i] for i in evenly(len(panels), MOST_PANELS)]
+        what = "tests" if by_test else "specimens"
+        note = f"{len(chosen)} of {len(panels)} {what}" if len(chosen) < len(panels) else None
+        return chosen, note
+    names = [names] if isinstance(names, str) else list(names)
+    known = list(dict.fromkeys(one.name for one in found))
+    unknown = [name for name in names if name not in known]
+    if unknown or not names:
+        what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
+        raise ValueError(f"{what}: expected some of {known}")
+    chosen = [one for one in found if one.name in names]
+    note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
+    return tests_apart(chosen) if by_test else chosen, note
 
 
 def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:

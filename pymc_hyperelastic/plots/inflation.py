@@ -120,10 +120,7 @@ def plot_inflation(
     aes = {"color": [colour], "linestyle": [colour], "marker": [marker or colour]}
     looks = many_looks() | ({"marker": MARKERS} if marker else {})
     looks["aes"] = aes | {"overlay": [*dims, "curve"]}
-    radius, by_group = (
-        radius_of(data),
-        (group_by, "" if group_by is None else f"{words(group_by)} "),
-    )
+    radius, title = radius_of(data), f"{words(group_by)} " if group_by else ""
     axes = {
         name: (
             axis_label(radius if name == "pressure" else "axial_stretch"),
@@ -131,16 +128,16 @@ def plot_inflation(
         )
         for name in map(str, curves.data_vars)
     }
-    canvas = panels_of_tests(curves, by_group, axes, (backend, visuals, pc_kwargs), looks)
+    wishes = backend, visuals, pc_kwargs
+    canvas = panels_of_tests(curves, (group_by, title), axes, wishes, looks)
     for name in axes:
         x = curves[name].sel(plot_axis="x")
         ends = with_margin(float(x.min()), float(x.max()))
         canvas.adjust("set_xlim", limits=ends, data=curves[[name]])
-    for axes_of_panel in (
-        canvas.collection.get_viz("figure").axes if backend == "matplotlib" else ()
-    ):
-        if not axes_of_panel.has_data():
-            axes_of_panel.set_axis_off()
+    if backend == "matplotlib":
+        for panel in canvas.collection.get_viz("figure").axes:
+            if not panel.has_data():
+                panel.set_axis_off()
     entries: dict[str, Any] = {}
     if colour != group_by:
         style = ("color", "linestyle") if marker else ("color", "linestyle", "marker")
@@ -182,9 +179,9 @@ def panels_of_tests(
     groups = curves[group_by].values.tolist() if group_by else [None]
     cols, wraps = [group_by] if group_by else [], len(axes) == 1
     columns = columns_of(len(groups), 3) if wraps else len(axes)
-    layout = (
-        {"cols": cols, "col_wrap": columns} if wraps else {"cols": ["__variable__"], "rows": cols}
-    )
+    layout: dict[str, Any] = {"cols": ["__variable__"], "rows": cols}
+    if wraps:
+        layout = {"cols": cols, "col_wrap": columns}
     canvas = Canvas(
         "wrap" if wraps else "grid",
         curves,
