@@ -108,7 +108,7 @@ def plot_calibration_ranks(
         stacked("ranks", x=uniform, y=below - uniform),
         "band reference line xlabel ylabel title",
         (backend, visuals, pc_kwargs),
-        size_of(columns, -(-len(names) // columns)),
+        size_of(len(names), columns),
         {"sharey": True},
         cols=["parameter"],
         col_wrap=columns,

@@ -187,7 +187,7 @@ def panels_of_tests(
         curves,
         "line points xlabel ylabel title legend",
         wishes,
-        size_of(columns, -(-len(groups) * len(axes) // columns)),
+        size_of(len(groups) * len(axes), columns),
         {"sharey": "all" if wraps else "col"},
         **looks,
         **layout,

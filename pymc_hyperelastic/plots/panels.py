@@ -20,9 +20,9 @@ def columns_of(count: int, most: int) -> int:
     return -(-count // -(-count // most))
 
 
-def size_of(columns: int, rows: int) -> tuple[float, float]:
+def size_of(count: int, columns: int) -> tuple[float, float]:
     """Return the size in inches of a figure of panels with labels, a title and a legend."""
-    return max(3 * columns + 0.2, 4.4), 2.7 * rows + 0.5
+    return max(3 * columns + 0.2, 4.4), 2.7 * -(-count // columns) + 0.5
 
 
 def evenly(count: int, most: int) -> list[int]:

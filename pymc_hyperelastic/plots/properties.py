@@ -145,8 +145,8 @@ def draw_over_pressure(
     bands = gathered(curves, {"class_label": classes}, BAND)
     names = list(map(str, bands.data_vars))
     columns = columns_of(len(names), 3)
-    size = size_of(columns, -(-len(names) // columns))
     looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
+    size = size_of(len(names), columns)
     canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
     entries = canvas.entries("class_label", "class ", "color", "linestyle")
     canvas.legend(entries | draw_bands(canvas, bands, ci_prob))
@@ -224,9 +224,8 @@ def plot_wall_stress(
         for i, level in enumerate(levels):
             labels, x = (of_class, level), table["position"].values
             curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, ci_prob)
-    bands = gathered(
-        curves, {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}, BAND
-    )
+    coords = {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}
+    bands = gathered(curves, coords, BAND)
     size, share = (8.2, 2.5 * len(fitted) + 0.8), {"sharex": True, "sharey": "col"}
     layout = looks_of("pressure") | {"rows": ["class_label"], "cols": ["__variable__"]}
     wishes = backend, visuals, pc_kwargs
@@ -265,9 +264,8 @@ def _bands(
 ) -> list[Curve]:
     """Bands of quantities of a table; without data, no pressure is marked as extrapolated."""
     beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
-    return [
-        Curve(name, labels, band_rows(x, table[name].values, ci_prob, beyond)) for name in names
-    ]
+    draws = {name: table[name].values for name in names}
+    return [Curve(n, labels, band_rows(x, values, ci_prob, beyond)) for n, values in draws.items()]
 
 
 def _title(

@@ -133,6 +133,7 @@ class Canvas:
             from matplotlib.ticker import AutoLocator, LogLocator
 
             own, ratio = getattr(axes, f"{axis}axis"), ends[1] / ends[0]
+            # Axes of three decades and more have ticks at powers of ten.
             steps = [1, 2, 5] if ratio < LOG_FROM**3 else [1]
             own.set_major_locator(LogLocator(subs=steps) if ratio > LOG_FROM else AutoLocator())
             own.set_major_formatter("{x:g}")
