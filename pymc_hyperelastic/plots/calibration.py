@@ -10,23 +10,23 @@ import xarray as xr
 from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.curves import Array
+from pymc_hyperelastic.plots.curves import DRAWS, Array
+from pymc_hyperelastic.plots.panels import columns_of, size_of
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.
-_BAND_SIMULATIONS = 1000
-_BAND_SEED = 0  # the band is the same at every call
-_COLUMNS = 4  # of panels
-_TICKS = {"values": [0.0, 0.5, 1.0], "labels": ["0", "0.5", "1"]}
-# Variables of each bin of a table of scores, what visuals call them, and the error of a forecast.
-_OF_BINS = (
-    *("observed_frequency", "predicted_probability", "frequency_lower", "frequency_upper"),
-    *("bin_left", "bin_right", "count"),
-)
-_COORDINATES = ("y", "x", "y_bottom", "y_top", "left_edges", "right_edges", "histogram")
+# Variables of each bin of a table of scores, and what visuals call them.
+_OF_BINS = {
+    "observed_frequency": "y",
+    "predicted_probability": "x",
+    "frequency_lower": "y_bottom",
+    "frequency_upper": "y_top",
+    "bin_left": "left_edges",
+    "bin_right": "right_edges",
+    "count": "histogram",
+}
 _ERROR = "expected_calibration_error"
 
 
@@ -100,16 +100,15 @@ def plot_calibration_ranks(
     if rank.ndim == 1:
         rank = rank.expand_dims("parameter", axis=1)
     names = rank["parameter"].values.tolist()
-    simulations, columns = rank.sizes["simulation"], min(len(names), _COLUMNS)
+    simulations, columns = rank.sizes["simulation"], columns_of(len(names), 3)
     uniform = xr.DataArray(np.arange(values + 1) / values, dims="value")
     below = (rank < xr.DataArray(np.arange(values + 1), dims="value")).mean("simulation")
-    size = (max(2.5 * columns + 0.7, 4.6), 2.3 * -(-len(names) // columns) + 0.7)
     canvas = Canvas(
         "wrap",
         stacked("ranks", x=uniform, y=below - uniform),
         "band reference line xlabel ylabel title",
         (backend, visuals, pc_kwargs),
-        size,
+        size_of(len(names), columns),
         {"sharey": True},
         cols=["parameter"],
         col_wrap=columns,
@@ -120,9 +119,8 @@ def plot_calibration_ranks(
     grey = {"ignore_aes": "all", "color": "0.5"}
     canvas.draw("band", "fill_between_y", x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
     canvas.draw("line", "line_xy", width=1.5)
-    zero = _straight("ranks", 0.0, 0.0, parameter=names)
-    canvas.draw("reference", "line_xy", data=zero, width=0.8, **grey)
-    canvas.adjust("set_xticks", **_TICKS)
+    zero = xr.zeros_like(rank.isel(simulation=0, drop=True)).to_dataset(name="ranks")
+    canvas.draw("reference", "hline", data=zero, width=0.8, **grey)
     p_values = np.atleast_1d(sbc["p_value"].values).tolist()
     for i, (name, p_value) in enumerate(zip(names, p_values, strict=True)):
         where = {"coords": {"parameter": name}}
@@ -196,10 +194,7 @@ def plot_reliability(
     if len(set(names)) < len(names):
         raise damaged(scores, f"forecasts are {names}, and their names must differ")
     scores = scores.assign_coords(forecast=names)
-    axes = "y x y_bottom y_top left_edges right_edges histogram".split()
-    drawn = stacked(
-        "reliability", **{axis: scores[v] for axis, v in zip(axes, _OF_BINS, strict=True)}
-    )
+    drawn = stacked("reliability", **{axis: scores[name] for name, axis in _OF_BINS.items()})
     canvas = Canvas(
         "grid",
         drawn.expand_dims(part=["diagram", "count"]),
@@ -213,15 +208,13 @@ def plot_reliability(
         color=PALETTE[:1],
     )
     diagram: dict[str, Any] = {"data": drawn, "coords": {"part": "diagram"}}
-    diagonal = diagram | {"data": _straight("reliability", 0.0, 1.0, forecast=names)}
     grey = {"color": "0.5", "width": 0.8, "linestyle": "--", "ignore_aes": "all"}
-    canvas.draw("diagonal", "line_xy", **diagonal, **grey)
+    canvas.draw("diagonal", "dline", x=[0.0, 1.0], **diagram, **grey)
     # Points at 0 or 1 are drawn whole, though the axes end there.
     canvas.draw("interval", "ci_line_y", **diagram, width=1.2, clip_on=False)
     canvas.draw("points", "scatter_xy", **diagram, size=20, clip_on=False)
     canvas.draw("bar", "hist", data=drawn, coords={"part": "count"}, alpha=0.75)
-    canvas.adjust("set_xlim", limits=(0, 1))
-    canvas.adjust("set_xticks", **_TICKS)
+    canvas.end_at_0_and_1()
     canvas.adjust("set_ylim", limits=(0, 1), **diagram)
     for name in names:
         title = f"{name}\n(ECE = {float(scores[_ERROR].sel(forecast=name)):.3f})"
@@ -235,21 +228,14 @@ def plot_reliability(
     return canvas.collection
 
 
-def _straight(name: str, left: float, right: float, **panels: list) -> xr.Dataset:
-    """Line from the left to the right end of each panel."""
-    ends = [[0.0, 1.0], [left, right]]
-    line = xr.Dataset({name: (("plot_axis", "end"), ends)}, {"plot_axis": ["x", "y"]})
-    return line.expand_dims(panels)
-
-
 def _simultaneous_band(simulations: int, values: int, ci_prob: float) -> tuple[Array, Array, Array]:
     """Band that holds the whole line of uniform ranks with this probability."""
     from arviz_stats.ecdf_utils import get_pointwise_confidence_band, simulate_confidence_bands
 
     # At these points the share of ranks below is binomial, though ranks are discrete.
     due = np.arange(1, values) / values
-    rng = np.random.default_rng(_BAND_SEED)
-    pointwise = simulate_confidence_bands(simulations, 1, due, ci_prob, _BAND_SIMULATIONS, rng)
+    rng = np.random.default_rng(0)  # the band is the same at every call
+    pointwise = simulate_confidence_bands(simulations, 1, due, ci_prob, DRAWS, rng)
     low, high = get_pointwise_confidence_band(pointwise, simulations, due)
     x, low, high = (np.concatenate([[0.0], v, [1.0]]) for v in (due, low, high))
     return x, low - x, high - x

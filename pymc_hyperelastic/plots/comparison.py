@@ -10,18 +10,18 @@ import xarray as xr
 from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Curve, band_rows
-from pymc_hyperelastic.plots.labels import quantity_label
+from pymc_hyperelastic.plots.labels import beside_panel, quantity_label
 from pymc_hyperelastic.plots.properties import draw_over_pressure
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
     Visuals,
     Wishes,
+    check_choice,
     check_table,
+    inches_of,
     literal,
-    log_axis,
-    stacked,
-    ticks_on_the_right,
+    with_margin,
 )
 from pymc_hyperelastic.rounding import rounded_interval
 
@@ -30,14 +30,6 @@ if TYPE_CHECKING:
 
 _ORIGIN = "ph.compare_classes"
 _PANELS = ("value", "contrast")
-_HEIGHT = 2.2  # inches of the panels of a quantity
-_GROUP_WIDTH = 1.15  # inches of a group
-_NARROWEST = 1.3  # inches of a comparison at least
-_LETTER = 0.083  # inches of a letter below a comparison
-# Places of the first and the last specimen and of the typical one in the column of a group, whose
-# middle is 0 and whose width is 1.
-_FIRST, _LAST, _TYPICAL = -0.36, 0.1, 0.32
-_MARGIN = 0.06  # between the outermost value and the end of an axis, as a part of the range
 _DARK, _PALE, _LINE = "0.1", "0.6", "0.75"
 # Statistics of a group: how they are called, and how they begin the label of an axis of curves.
 _STATISTICS = {
@@ -47,8 +39,6 @@ _STATISTICS = {
 }
 # Contrasts of two groups, and how they are written.
 _CONTRASTS = {"difference": "−", "ratio": "/"}
-# Letters of a label from which on its unit is in a line of its own: a panel is 2 inches high.
-_LONG_LABEL = 25
 
 
 @one_thread
@@ -121,12 +111,8 @@ def plot_comparison(
     2
     """
     _check(result)
-    for name, given, known in (
-        ("statistic", statistic, _STATISTICS),
-        ("contrast", contrast, _CONTRASTS),
-    ):
-        if given not in known:
-            raise ValueError(f"{name} must be one of {list(known)}, not {given!r}")
+    check_choice("statistic", statistic, _STATISTICS)
+    check_choice("contrast", contrast, _CONTRASTS)
     wishes, ci_prob = (backend, visuals, pc_kwargs), read_number(result, "interval")
     law = read_text(result, "strain_energy")
     if "pressure" in result.dims:
@@ -144,7 +130,6 @@ def plot_comparison(
 def _check(result: Any) -> None:
     """Raise unless this is a whole result of a comparison."""
     both = [f"{name}{end}" for name in ("value", *_CONTRASTS) for end in ("", "_interval")]
-    both += [f"{name}_sd" for name in _CONTRASTS]
     check_table(result, _ORIGIN, "draws", "specimen_value", "specimen_value_interval", *both)
     check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic", "specimen_group")
     for name in ("value_interval", "specimen_value_interval"):
@@ -159,20 +144,20 @@ def _estimation(result: xr.Dataset, statistic: str, contrast: str, wishes: Wishe
         specimens = specimens.isel(specimen=slice(0))
     contrasts = _contrasts(groups, contrast)
     sizes = {dim: result.sizes[dim] for dim in ("quantity", "group", "comparison")}
-    words = {name: _words_of(groups, contrasts.sel(quantity=name)) for name in _names_of(result)}
-    longest = max(len(line) for text in words.values() for w in text for line in w.splitlines())
-    of_comparison = max(_NARROWEST, _LETTER * longest)
-    widths = [_GROUP_WIDTH * sizes["group"], of_comparison * sizes["comparison"]]
-    panels = xr.Dataset(coords={name: result[name].values for name in sizes})
-    panels = panels.assign_coords(panel=list(_PANELS), specimen=specimens["specimen"].values)
-    drawn = xr.DataArray(0.0, panels.coords, panels.dims, "estimation")
+    names = result["quantity"].values.tolist()
+    words = {name: _words_of(groups, contrasts.sel(quantity=name)) for name in names}
+    of_comparison = max(1.3, inches_of(w for of_quantity in words.values() for w in of_quantity))
+    widths = [1.15 * sizes["group"], of_comparison * sizes["comparison"]]
+    coords = {name: result[name].values for name in sizes}
+    coords |= {"panel": list(_PANELS), "specimen": specimens["specimen"].values}
+    drawn = xr.DataArray(0.0, coords, [*coords], "estimation")
     canvas = Canvas(
         "grid",
         drawn.to_dataset(),
         "specimen_interval specimens animals interval groups contrast_interval contrast nothing "
         "ylabel legend",
         wishes,
-        (sum(widths) + 1.4, _HEIGHT * sizes["quantity"] + 0.8),
+        (sum(widths) + 1.4, 2.2 * sizes["quantity"] + 0.8),
         {"width_ratios": widths},
         rows=["quantity"],
         cols=["panel"],
@@ -193,7 +178,8 @@ def _estimation(result: xr.Dataset, statistic: str, contrast: str, wishes: Wishe
 def _by_group(result: xr.Dataset) -> xr.Dataset:
     """Specimens, or animals of pairs, in the dimensions group and specimen; NaN where none is.
 
-    ``x`` is the place of a specimen on the axis, in the order of the specimens of its group.
+    ``x`` is the place of a specimen on the axis, on the left of the middle of its group, in the
+    order of the specimens.
     """
     label = "animal" if "animal" in result.coords else "specimen"
     found = result[["specimen_value", "specimen_value_interval"]].transpose(..., "bound")
@@ -201,23 +187,22 @@ def _by_group(result: xr.Dataset) -> xr.Dataset:
     for i, group in enumerate(result["group"].values.tolist()):
         own = np.flatnonzero(result["specimen_group"] == group)
         part = found.isel(specimen=own).reset_coords(drop=True).drop_vars("specimen")
-        places = np.linspace(_FIRST, _LAST, len(own)) if len(own) != 1 else [(_FIRST + _LAST) / 2]
-        part = part.assign(x=("specimen", i + np.array(places)))
+        places = i - 0.36 + 0.46 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
+        part = part.assign(x=("specimen", places))
         parts.append(part.assign_coords(specimen=labels[own]))
     group = xr.DataArray(result["group"].values, dims="group", name="group")
     return xr.concat(parts, group, join="outer")
 
 
 def _contrasts(groups: xr.Dataset, contrast: str) -> xr.Dataset:
-    """Median, ends and error of the contrast of each comparison; True where it is a ratio."""
+    """Median and ends of the contrast of each comparison; True where it is a ratio."""
     is_ratio = groups["ratio"].notnull().all("comparison") & (contrast == "ratio")
-    return xr.Dataset(
-        {
-            name: xr.where(is_ratio, groups[f"ratio{end}"], groups[f"difference{end}"])
-            for name, end in (("median", ""), ("interval", "_interval"), ("sd", "_sd"))
-        }
-        | {"is_ratio": is_ratio, "nothing": is_ratio.astype(float)}
-    )
+    ends = {"median": "", "interval": "_interval"}
+    contrasts = {
+        name: xr.where(is_ratio, groups[f"ratio{end}"], groups[f"difference{end}"])
+        for name, end in ends.items()
+    }
+    return xr.Dataset(contrasts | {"is_ratio": is_ratio, "nothing": is_ratio.astype(float)})
 
 
 def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, paired: bool) -> None:
@@ -226,18 +211,16 @@ def _draw_groups(canvas: Canvas, specimens: xr.Dataset, groups: xr.Dataset, pair
     if specimens.sizes["specimen"]:
         x, y, interval = (specimens[n] for n in ("x", "specimen_value", "specimen_value_interval"))
         if paired:
-            line = _stacked(x=x, y=y).rename(group="end").drop_vars("end", errors="ignore")
+            of_animal = [v.rename(group="end").drop_vars("end") for v in (x, y)]
             plain = {"color": _LINE, "ignore_aes": {"color"}}
-            canvas.draw("animals", "line_xy", data=line, width=0.7, **plain, **left)
-        line = _stacked(x=x, y=interval)
-        canvas.draw("specimen_interval", "line_xy", data=line, width=0.7, alpha=0.6, **left)
-        canvas.draw("specimens", "scatter_xy", data=_stacked(x=x, y=y), size=14, **left)
-    place = np.arange(groups.sizes["group"]) + _TYPICAL
-    x = xr.DataArray(place, {"group": groups["group"]}, "group")
-    line = _stacked(x=x, y=groups["value_interval"])
-    canvas.draw("interval", "line_xy", data=line, width=2.2, **left)
-    middle = {"size": 32, "marker": "s", **left}
-    canvas.draw("groups", "scatter_xy", data=_stacked(x=x, y=groups["value"]), **middle)
+            canvas.draw_xy(
+                "animals", "line_xy", of_animal[0], of_animal[1], width=0.7, **plain, **left
+            )
+        canvas.draw_xy("specimen_interval", "line_xy", x, interval, width=0.7, alpha=0.6, **left)
+        canvas.draw_xy("specimens", "scatter_xy", x, y, size=14, **left)
+    x = xr.DataArray(np.arange(groups.sizes["group"]) + 0.32, {"group": groups["group"]}, "group")
+    canvas.draw_xy("interval", "line_xy", x, groups["value_interval"], width=2.2, **left)
+    canvas.draw_xy("groups", "scatter_xy", x, groups["value"], size=32, marker="s", **left)
 
 
 def _draw_contrasts(canvas: Canvas, contrasts: xr.Dataset, groups: xr.Dataset) -> None:
@@ -250,18 +233,12 @@ def _draw_contrasts(canvas: Canvas, contrasts: xr.Dataset, groups: xr.Dataset) -
     lines = xr.concat(both, panels).to_dataset(name="estimation")
     settings: dict[str, Any] = {"color": _PALE, "width": 0.8, "linestyle": "--"}
     canvas.draw("nothing", "hline", data=lines, ignore_aes="all", **settings)
-    place = np.arange(float(contrasts.sizes["comparison"]))
-    x = xr.DataArray(place, {"comparison": contrasts["comparison"]}, "comparison")
+    names = contrasts["comparison"]
+    x = xr.DataArray(np.arange(float(names.size)), {"comparison": names}, "comparison")
     right: dict[str, Any] = {"coords": {"panel": "contrast"}, "color": _DARK}
     right["ignore_aes"] = {"color"}
-    line = _stacked(x=x, y=contrasts["interval"])
-    canvas.draw("contrast_interval", "line_xy", data=line, width=2.2, **right)
-    points = _stacked(x=x, y=contrasts["median"])
-    canvas.draw("contrast", "scatter_xy", data=points, size=32, **right)
-
-
-def _stacked(**arrays: xr.DataArray) -> xr.Dataset:
-    return stacked("estimation", **arrays)
+    canvas.draw_xy("contrast_interval", "line_xy", x, contrasts["interval"], width=2.2, **right)
+    canvas.draw_xy("contrast", "scatter_xy", x, contrasts["median"], size=32, **right)
 
 
 def _set_axes(
@@ -278,22 +255,13 @@ def _set_axes(
         ticks = of_groups, of_contrasts
         for panel, ends, labels in zip(_PANELS, _limits(*of_one), ticks, strict=True):
             where: dict[str, Any] = {"coords": {"quantity": name, "panel": panel}}
-            if of_one[-1]["is_ratio"]:
-                canvas.adjust(log_axis, ends=ends, **where)
-            canvas.adjust("set_ylim", limits=ends, **where)
+            canvas.limit("y", ends, log=bool(of_one[-1]["is_ratio"]), **where)
             canvas.adjust("set_xlim", limits=(-0.5, len(labels) - 0.5), **where)
             canvas.adjust("set_xticks", values=range(len(labels)), labels=labels, **where)
             if panel == "value":
-                label = quantity_label(name, law)
-                if "\n" not in label and len(label) > _LONG_LABEL:
-                    label = label.replace(" (", "\n(")  # the unit
-                canvas.label("ylabel", label, **where)
+                canvas.label("ylabel", beside_panel(quantity_label(name, law)), **where)
             else:
-                canvas.adjust(ticks_on_the_right, **where)
-
-
-def _names_of(result: xr.Dataset) -> list[str]:
-    return [str(name) for name in result["quantity"].values]
+                canvas.on_axes(lambda axes: axes.yaxis.tick_right(), **where)
 
 
 def _words_of(groups: xr.Dataset, contrasts: xr.Dataset) -> list[str]:
@@ -302,8 +270,7 @@ def _words_of(groups: xr.Dataset, contrasts: xr.Dataset) -> list[str]:
     words = []
     for i, (first, second) in enumerate(zip(groups["first"], groups["second"], strict=True)):
         own = contrasts.isel(comparison=i)
-        numbers = float(own["median"]), *own["interval"].values.tolist()
-        median, low, high = rounded_interval(*numbers)
+        median, low, high = rounded_interval(own["median"].item(), *own["interval"].values.tolist())
         of_both = f"{literal(second.item())} {sign} {literal(first.item())}"
         words.append(f"{of_both}\n{median} ({low} to {high})")
     return words
@@ -327,8 +294,7 @@ def _limits(
     if aligned:
         ends[1] += first
         ends[:] = ends[:, 0].min(), ends[:, 1].max()
-    size = np.diff(ends) * _MARGIN
-    ends += np.where(size > 0, size, 1.0) * [-1, 1]
+    ends = np.array([with_margin(*e) if e[0] < e[1] else (e[0] - 1, e[1] + 1) for e in ends])
     if aligned:
         ends[1] -= first
     return [(float(low), float(high)) for low, high in back(ends)]
@@ -342,7 +308,7 @@ def _curves(result: xr.Dataset, statistic: str, ci_prob: float, wishes: Wishes) 
     curves = [
         Curve(name, (group,), band_rows(pressure, draws.sel(of_one).values, ci_prob))
         for group in groups
-        for name in _names_of(result)
+        for name in result["quantity"].values.tolist()
         for of_one in [{"group": group, "quantity": name}]
     ]
     unit = read_text(result, "pressure_unit")

@@ -21,8 +21,12 @@ Array = NDArray[np.float64]
 # Rows of the array of a curve with a band, and of points.
 BAND = ["x", "extrapolated", "y", "y_bottom", "y_top"]
 POINTS = ["x", "y"]
+# Draws, or simulations, of a band: the probability that it holds is then known to 1 %, and more
+# draws change no line visibly.
+DRAWS = 1000
+# Points of a curve that is drawn smoothly.
+CURVE_POINTS = 50
 BAND_VISUALS = "band median extrapolated xlabel ylabel title legend"
-_GREY = "0.4"  # colour of lines of a legend that stand for all colours
 
 
 class Curve(NamedTuple):
@@ -94,7 +98,8 @@ def draw_bands(canvas: Canvas, bands: xr.Dataset, ci_prob: float) -> dict[str, d
     beyond = bands.sel(plot_axis="extrapolated", drop=True)
     settings: dict[str, Any] = {"width": 1.5, "ignore_aes": shape - {"linestyle"}}
     canvas.draw("median", "line_xy", data=line.where(beyond != 1), **settings)
-    colour = _GREY if len(canvas.collection.aes["color"]["mapping"]) > 1 else PALETTE[0]
+    # Grey stands for all colours.
+    colour = "0.4" if len(canvas.collection.aes["color"]["mapping"]) > 1 else PALETTE[0]
     entries: dict[str, dict[str, Any]] = {
         "posterior median": {"color": colour, "linewidth": 1.5},
         f"{100 * ci_prob:.3g} % of the posterior": {"color": colour, "linewidth": 6, "alpha": 0.35},

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.stored import damaged, read_json, read_numbers
 from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Array
-from pymc_hyperelastic.plots.labels import LABELS, parameter_of
-from pymc_hyperelastic.plots.style import (
-    LOG_FROM,
-    Backend,
-    Canvas,
-    Visuals,
-    fitted_classes,
-    law_of,
-    training_attrs,
-)
+from pymc_hyperelastic.plots.labels import parameter_of, quantity_label
+from pymc_hyperelastic.plots.style import LOG_FROM, Backend, Canvas, Visuals, fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
 
 if TYPE_CHECKING:
@@ -34,7 +26,6 @@ if TYPE_CHECKING:
 # Points along each side of the grid of a density. On 100 points a narrow ridge falls into pieces:
 # its regions of 95 and 50 % hold 87 and 35 % of the draws; on 300 points 94 and 47 %.
 _GRID = 300
-_SEED = 1  # new specimens are the same at every call
 _OF_CLASS = ("location[", "spread[")
 # Variables that are shown by default only if the posterior has no others.
 _NUISANCE = (
@@ -42,16 +33,12 @@ _NUISANCE = (
     "force_offset_sd force_offset_mean force_offset_error diameter_sd slope_weight "
     "experiment_spread effect_spread correlation_unit"
 ).split()
-_EXTREMES = [0.005, 0.995]  # quantiles outside of which draws are stray, and no mode
-# Probability that axes hold at least, where all regions hold less.
-_LEAST_SHOWN = 0.5
-_MARGIN = 0.15  # margin around the draws of a panel, as a part of their range
-_STRAY = 0.01  # share of the draws that is no mode
-# Components of the mixture: they follow two bent ridges. A kernel density estimate has one width:
-# with 2000 draws, its 95 % region is 1.3 times as large for a parabola, 8 times for a hyperbola.
-_COMPONENTS = 6
-_DRAWS_OF_COMPONENT = 50  # the fewest for each component
-_WIDENED = 1.5  # by which the mixture is wider than the draws, so that contours are smooth
+# Share of the draws that may be stray, and is no mode.
+_STRAY = 0.01
+# The density is that of a mixture, which follows two bent ridges. A kernel density estimate has one
+# width: with 2000 draws, its 95 % region is 1.3 times as large for a parabola, 8 times for a
+# hyperbola. The mixture is wider than the draws by this factor, so that contours are smooth.
+_WIDENED = 1.5
 
 
 @one_thread
@@ -167,7 +154,7 @@ def plot_parameter_density(
     if specimen is None and not of_class and any(map(specimens_differ, fitted.values())):
         owner = "typical specimen"
     held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(ci_probs))
-    canvas.title(training_attrs(fitted), law_of(tree), owner, f"{held} of the posterior")
+    canvas.title_of_fits(fitted, None, owner, f"{held} of the posterior")
     return canvas.collection
 
 
@@ -180,7 +167,8 @@ def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
         return None
     posterior = tree["posterior"].to_dataset()
     of_class = distributions_of(tree, posterior.sizes["chain"] * posterior.sizes["draw"])
-    normal = np.random.default_rng(_SEED).standard_normal((of_class.size, len(of_class.factor)))
+    # New specimens are the same at every call.
+    normal = np.random.default_rng(1).standard_normal((of_class.size, len(of_class.factor)))
     new_ones = of_class.coordinates(normal.T[..., None])[..., 0]
     stacked = posterior["location"].stack(sample=("chain", "draw")).transpose("coordinate", ...)
     new = stacked.copy(data=new_ones).unstack("sample")
@@ -232,12 +220,7 @@ def _axis_label(tree: xr.DataTree, name: str) -> str:
     units = read_json(tree, "units", {})
     if not all(isinstance(unit, str) for unit in units.values()):
         raise damaged(tree, f"its attribute 'units' is {shown(units)}; expected names of units")
-    words, unit = LABELS.get(name, (name, None))
-    parameter = parameter_of(tree.attrs.get("strain_energy"), name)
-    if parameter is not None:
-        words, unit = f"${parameter.symbol}$", parameter.unit
-    unit = units.get(name, unit)
-    return f"{words} ({unit.replace('mm2', 'mm²')})" if unit else words
+    return quantity_label(name, tree.attrs.get("strain_energy"), units)
 
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
@@ -291,9 +274,9 @@ def _regions(
 def _draw_regions(canvas: Canvas, regions: xr.Dataset, by_log: NDArray[np.bool_]) -> None:
     """Draw areas and lines around typical specimens, and a line around new ones."""
     shown = regions.sizes["prob"]
-    line = {"kind": "contour", "linewidths": 1.2}
+    line = {"draw": canvas.backend.contour, "linewidths": 1.2}
     for name, whose, levels, settings in (
-        ("area", "typical", shown, {"kind": "contourf", "alpha": 0.4}),
+        ("area", "typical", shown, {"draw": canvas.backend.contourf, "alpha": 0.4}),
         ("line", "typical", shown, line | {"linestyles": "solid"}),
         ("new", "new", 1, line | {"linestyles": "dashed"}),
     ):
@@ -319,16 +302,15 @@ def _log(points: Array, by_log: NDArray[np.bool_]) -> Array:
 
 def _region(points: Array, ci_probs: Sequence[float]) -> tuple[GaussianMixture, Array, Array]:
     """The mixture that stands for some draws, its levels, and the draws in the widest region."""
-    low, high = np.quantile(points, _EXTREMES, axis=0)
+    low, high = np.quantile(points, [_STRAY / 2, 1 - _STRAY / 2], axis=0)
     typical = points[((points >= low) & (points <= high)).all(axis=1)]
-    components = int(np.clip(len(typical) // _DRAWS_OF_COMPONENT, 1, _COMPONENTS))
+    components = components_for(*typical.shape)
     rng = np.random.default_rng(components)
     mixture = GaussianMixture.fit(typical, components, rng, iterations=50).widened(_WIDENED)
     # A region with a probability of 95 % ends at the density that 5 % of the draws are below.
     density = mixture.log_density(points)
-    widest = np.quantile(density, 1 - max(*ci_probs, _LEAST_SHOWN))
-    inside = typical[mixture.log_density(typical) >= widest]
-    return mixture, np.quantile(density, 1 - np.array(ci_probs)), inside
+    levels = np.quantile(density, 1 - np.array(ci_probs))
+    return mixture, levels, typical[mixture.log_density(typical) >= levels[0]]
 
 
 def _breaks(values: Sequence[Array]) -> list[float]:
@@ -352,7 +334,8 @@ def _ends(inside: Array, bounds: Array, breaks: list[list[float]]) -> Array:
     row = len(breaks[1]) - np.digitize(inside[:, 1], breaks[1])  # the highest part is on top
     for place in set(zip(row.tolist(), column.tolist(), strict=True)):
         part = inside[(row == place[0]) & (column == place[1])]
-        margin = _MARGIN * np.ptp(part, axis=0)
+        # The region reaches beyond the draws in it.
+        margin = 0.15 * np.ptp(part, axis=0)
         with_margin = [part.min(axis=0) - margin, part.max(axis=0) + margin]
         ends[place] = np.clip(with_margin, *bounds).T
     return ends
@@ -364,36 +347,30 @@ def _limit(canvas: Canvas, ends: xr.DataArray, by_log: NDArray[np.bool_]) -> Non
         part = f"{name}_part"
         rest = [dim for dim in ends.dims if dim not in (part, "axis")]
         limits = np.array([ends.min(rest).isel(axis=axis), ends.max(rest).isel(axis=axis)])
-        if by_log[axis]:
-            limits = np.exp(limits)
-            if (limits[1] > LOG_FROM * limits[0]).any():
-                canvas.adjust(f"set_{name}scale", scale="log")
-        for i, ends_of_part in enumerate(limits.T.tolist()):
-            canvas.adjust(f"set_{name}lim", limits=tuple(ends_of_part), coords={part: i})
+        limits = np.exp(limits) if by_log[axis] else limits
+        wide = by_log[axis] and bool((limits[1] > LOG_FROM * limits[0]).any())
+        for i, (low, high) in enumerate(limits.T.tolist()):
+            canvas.limit(name, (low, high), log=wide, coords={part: i})
 
 
 def _contours(
     da: xr.DataArray,
     target: Any,
     *,
-    kind: str,
+    draw: Callable,
     mixture: xr.DataArray,
     level: xr.DataArray,
     by_log: NDArray[np.bool_],
     **settings: Any,
 ) -> NDArray[np.object_]:
     """Draw one contour, or the area inside it, for each level that the density reaches here."""
-    from arviz_plots.plot_collection import backend_from_object
-
     x, y = np.linspace(da.values[:, 0], da.values[:, 1], _GRID, axis=1)
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     density = mixture.item().log_density(nodes).reshape(_GRID, _GRID)
     x, y = (np.exp(v) if logarithm else v for v, logarithm in zip((x, y), by_log, strict=True))
-    draw = getattr(backend_from_object(target), kind)
-    artists = np.full(level.size, None, dtype=object)
+    artists, peak = np.full(level.size, None, dtype=object), float(density.max())
     for i, threshold in enumerate(level.values.tolist()):
-        peak = float(density.max())
         if peak > threshold:
-            levels = [threshold, peak + 1] if kind == "contourf" else [threshold]
+            levels = [threshold, peak + 1]  # areas have two ends
             artists[i] = draw(x, y, density, target, levels=levels, **settings)
     return artists

@@ -22,25 +22,23 @@ from pymc_hyperelastic.plots.fit_figure import (
     ends_of_x,
     ends_of_y,
     figure_of,
-    reach_of_residuals,
 )
 from pymc_hyperelastic.plots.fitted_curves import SIGNALS, Specimen, data_beside, specimens_in
 from pymc_hyperelastic.plots.fitted_sheets import tests_apart
-from pymc_hyperelastic.plots.labels import axis_label, words
-from pymc_hyperelastic.plots.panels import columns_of, panels_with_strips
+from pymc_hyperelastic.plots.labels import axis_label, beside_panel, words
+from pymc_hyperelastic.plots.panels import MOST_PANELS, evenly, panels_with_strips
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     Backend,
     Canvas,
     Visuals,
     Wishes,
-    few_ticks,
     fitted_classes,
     law_of,
     literal,
     many_looks,
-    set_yticks,
     training_attrs,
+    with_margin,
 )
 from pymc_hyperelastic.predictions.curves import warn_of_no_force
 from pymc_hyperelastic.predictions.offsets import less_offsets
@@ -48,18 +46,6 @@ from pymc_hyperelastic.predictions.offsets import less_offsets
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Panels that a figure has unless the user names the specimens: six rows of four.
-_MOST_PANELS = 24
-# Inches of a panel, and of its strip of residuals.
-_PANEL, _STRIP = (2.35, 1.75), 0.7
-_ALONE = (4.2, 2.8)  # inches of the panel of a single specimen
-# Narrowest figure, and room for its title, labels and legend, inches.
-_NARROWEST, _ROOM_AROUND = 5.0, (0.5, 0.95)
-_LONGEST_LABEL = 18  # letters beside a panel; the unit of longer labels has a line of its own
-# Standardised residuals beyond these lines are expected in one of twenty points.
-_LIMIT = 2.0
-# Standard deviations beyond which numbers at the two lines would overlap.
-_MOST_REACH = 8.0
 # Light colours on which titles of panels stand, one for each group: other hues than those of tests.
 _TINTS = ["#E2E2E2", "#FFE0AE", "#CDE7F7", "#F3D6E6", "#CBEADF"]
 
@@ -200,8 +186,9 @@ def plot_fit(
     if of_force:
         warn_of_no_force(figure.curves[name].sel(plot_axis=["y_bottom", "y_top"]))
     canvas = _canvas(figure, (backend, visuals, pc_kwargs))
-    entries = _draw(canvas, figure, ci_prob)
-    _label(canvas, figure, pressure_unit)
+    x, y = ends_of_x(figure), ends_of_y(figure)
+    entries = _draw(canvas, figure, ci_prob) | _limit(canvas, figure, x, y)
+    _label(canvas, figure, pressure_unit, (x.shared, y.shared))
     canvas.legend(entries)
     typical = "typical specimen" if any(one.is_typical for one in chosen) else None
     law = law_of(next(iter(fitted.values())), energy)
@@ -219,8 +206,7 @@ def _checked_signal(signal: str | None, data: Mapping[str, xr.Dataset]) -> str:
     if signal is None:
         return found[0]
     if signal not in found:
-        kind = "extension tests" if SIGNALS[signal].over_stretch else "inflation tests"
-        kind = "tests of sheets" if SIGNALS[signal].of_sheets else kind
+        kind = SIGNALS[signal].tests
         raise ValueError(f"signal is {signal!r}, but there are no {kind}: give one of {found}")
     return signal
 
@@ -229,28 +215,28 @@ def _chosen(
     found: list[Specimen], names: Sequence[str] | None, by_test: bool = False
 ) -> tuple[list[Specimen], str | None]:
     """Return the specimens that are shown, and what the title says if some are not shown."""
-    if names is not None:
-        names = [names] if isinstance(names, str) else list(names)
-        known = list(dict.fromkeys(one.name for one in found))
-        unknown = [name for name in names if name not in known]
-        if unknown or not names:
-            what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
-            raise ValueError(f"{what}: expected some of {known}")
-        chosen = [one for one in found if one.name in names]
-        note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
-        return tests_apart(chosen) if by_test else chosen, note
-    panels, what = (tests_apart(found), "tests") if by_test else (found, "specimens")
-    most = min(len(panels), _MOST_PANELS)
-    chosen = [panels[i] for i in np.linspace(0, len(panels) - 1, most).round().astype(int)]
-    return chosen, f"{most} of {len(panels)} {what}" if most < len(panels) else None
+    if names is None:
+        panels = tests_apart(found) if by_test else found
+        chosen = [panels[i] for i in evenly(len(panels), MOST_PANELS)]
+        what = "tests" if by_test else "specimens"
+        note = f"{len(chosen)} of {len(panels)} {what}" if len(chosen) < len(panels) else None
+        return chosen, note
+    names = [names] if isinstance(names, str) else list(names)
+    known = list(dict.fromkeys(one.name for one in found))
+    unknown = [name for name in names if name not in known]
+    if unknown or not names:
+        what = f"no specimen {unknown[0]!r} in the data" if unknown else "specimens is empty"
+        raise ValueError(f"{what}: expected some of {known}")
+    chosen = [one for one in found if one.name in names]
+    note = f"{len(chosen)} of {len(found)} specimens" if len(chosen) < len(found) else None
+    return tests_apart(chosen) if by_test else chosen, note
 
 
 def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:
     """Make the panels, each with a strip below it if there are residuals."""
-    count, strip = len(figure.specimens), _STRIP * figure.has_residuals
-    columns = columns_of(count)
-    (wide, high), (beside, above) = _ALONE if count == 1 else _PANEL, _ROOM_AROUND
-    size = wide * columns + beside, (high + strip) * -(-count // columns) + above
+    count, columns, strip = len(figure.specimens), figure.columns, 0.7 * figure.has_residuals
+    wide, high = (4.2, 2.8) if count == 1 else (2.35, 1.75)
+    size = wide * columns + 0.5, (high + strip) * -(-count // columns) + 0.95
     settings: dict[str, Any] = {"aes": {"color": [figure.by or figure.group]}}
     if figure.by:
         # Each of a few labels has a marker of its own, which differs in grey, too.
@@ -260,7 +246,8 @@ def _canvas(figure: FitFigure, wishes: Wishes) -> Canvas:
     settings["aes"]["overlay"] = ["curve"]
     known = f"{BAND_VISUALS} points beyond"
     share = {"height_ratios": [high, strip] if strip else [high]}
-    make = partial(panels_with_strips, places=[figure.panel(one) for one in figure.specimens])
+    places = [figure.panel(one) for one in figure.specimens]
+    make = partial(panels_with_strips, places=places, columns=columns)
     return Canvas(make, figure.of_each_curve, known, wishes, size, share, **settings)
 
 
@@ -282,7 +269,7 @@ def _draw(canvas: Canvas, figure: FitFigure, ci_prob: float) -> dict[str, dict[s
         entries[data] = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
         _draw_points(canvas, figure.points, "points", figure.by)
     entries |= draw_bands(canvas, figure.curves, ci_prob)
-    return entries | _limit(canvas, figure)
+    return entries
 
 
 def _tints_of(figure: FitFigure) -> dict[str, str]:
@@ -300,24 +287,17 @@ def _draw_points(
     canvas.draw(name, "scatter_xy", data=points, **{"alpha": 0.6} | looks | settings)
 
 
-def _limit(canvas: Canvas, figure: FitFigure) -> dict[str, dict[str, Any]]:
+def _limit(canvas: Canvas, figure: FitFigure, x: Ends, y: Ends) -> dict[str, dict[str, Any]]:
     """Limit all axes; return what the legend says of bands and data beyond them."""
-    x, y, signal = ends_of_x(figure), ends_of_y(figure), figure.signal
-    variables = figure.of_each_panel
+    variables, signal = figure.of_each_panel, figure.signal
     for panel in map(figure.panel, figure.specimens):
         own = variables.sel(panel, drop=True)
         canvas.adjust("set_xlim", data=own, coords=panel, limits=x.of(panel))
         canvas.adjust("set_ylim", data=own[[signal]], coords=panel, limits=y.of(panel))
     if len(figure.specimens) > 1:
-        canvas.adjust(few_ticks, intervals=4)
+        canvas.few_xticks(4)
     if figure.has_residuals:
-        reach = reach_of_residuals(figure)
-        canvas.adjust("set_ylim", data=figure.points[[RESIDUAL]], limits=(-reach, reach))
-        canvas.adjust(_draw_limits, data=figure.points[[RESIDUAL]])
-        if reach < _MOST_REACH:
-            ticks = {"values": [-_LIMIT, _LIMIT], "labels": [f"−{_LIMIT:g}", f"{_LIMIT:g}"]}
-            canvas.adjust(set_yticks, data=figure.points[[RESIDUAL]], **ticks)
-    _hide_ticks(canvas, figure, x.shared, y.shared)
+        _limit_residuals(canvas, figure)
     entries: dict[str, dict[str, Any]] = {}
     bands = figure.curves[signal].sel(plot_axis=["y_bottom", "y_top"])
     if bool(((bands < y.low) | (bands > y.high)).any()):
@@ -327,18 +307,20 @@ def _limit(canvas: Canvas, figure: FitFigure) -> dict[str, dict[str, Any]]:
     return entries
 
 
-def _hide_ticks(canvas: Canvas, figure: FitFigure, x_shared: bool, y_shared: bool) -> None:
-    """Hide the numbers of axes that stand beside, or below, the same axis of another panel."""
-    variables, hidden = figure.of_each_panel, {"visible": False}
-    columns = columns_of(count := len(figure.specimens))
-    for n, panel in enumerate(map(figure.panel, figure.specimens)):
-        own = variables.sel(panel, drop=True)
-        above = own if x_shared and n + columns < count else own[[figure.signal]]
-        if figure.has_residuals or (x_shared and n + columns < count):
-            canvas.adjust("set_ticklabel_visibility", axis="x", data=above, coords=panel, **hidden)
-        beside = own if y_shared else own.drop_vars(figure.signal)
-        if n % columns:
-            canvas.adjust("set_ticklabel_visibility", axis="y", data=beside, coords=panel, **hidden)
+def _limit_residuals(canvas: Canvas, figure: FitFigure) -> None:
+    """Draw lines at 0 and at ±2, which one of twenty residuals exceeds, and limit the axes."""
+    strips = {"data": figure.points[[RESIDUAL]]}
+
+    def draw_levels(da: xr.DataArray, target: Any) -> None:
+        for level, style in ((0.0, "-"), (-2.0, "--"), (2.0, "--")):
+            canvas.backend.hline(level, target, color="0.6", width=0.8, linestyle=style)
+
+    canvas.adjust(draw_levels, **strips)
+    largest = float(np.abs(figure.points[RESIDUAL].sel(plot_axis="y")).max())
+    reach = max(3.0, with_margin(-largest, largest)[1])
+    canvas.adjust("set_ylim", limits=(-reach, reach), **strips)
+    if reach < 8:  # else the numbers would overlap
+        canvas.set_yticks([-2, 2], ["−2", "2"], **strips)
 
 
 def _draw_beyond(canvas: Canvas, figure: FitFigure, ends: Ends) -> dict[str, dict[str, Any]]:
@@ -357,36 +339,35 @@ def _draw_beyond(canvas: Canvas, figure: FitFigure, ends: Ends) -> dict[str, dic
     return {f"{far} of {count} slopes beyond the axis": marker}
 
 
-def _draw_limits(da: xr.DataArray, target: Any) -> None:
-    """Draw lines at 0 and at the limits of residuals."""
-    from arviz_plots.plot_collection import backend_from_object
+def _label(
+    canvas: Canvas, figure: FitFigure, pressure_unit: str, shared: tuple[bool, bool]
+) -> None:
+    """Name the specimens, and label the axes of the panels on the left and at the bottom.
 
-    backend = backend_from_object(target)
-    backend.hline(0.0, target, color="0.6", width=0.8)
-    for limit in (-_LIMIT, _LIMIT):
-        backend.hline(limit, target, color="0.6", width=0.8, linestyle="--")
-
-
-def _label(canvas: Canvas, figure: FitFigure, pressure_unit: str) -> None:
-    """Name the specimens, and label the axes of the panels on the left and at the bottom."""
-    variables, signal = figure.of_each_panel, figure.signal
-    columns = columns_of(count := len(figure.specimens))
-    tints = _tints_of(figure)
+    Numbers are hidden on an axis that another panel on the left, or below, has as well.
+    """
+    variables, signal, tints = figure.of_each_panel, figure.signal, _tints_of(figure)
+    horizontal, vertical = figure.quantities
     for n, one in enumerate(figure.specimens):
-        panel = figure.panel(one)
-        own = variables.sel(panel, drop=True)
+        coords = figure.panel(one)
+        whole = {"data": variables.sel(coords, drop=True), "coords": coords}
+        panel = whole | {"data": whole["data"][[signal]]}
+        strip = whole | {"data": whole["data"].drop_vars(signal)}
         box = {"facecolor": tints[one.label], "edgecolor": "none", "pad": 2.0}
-        settings = {"bbox": box} if figure.has_tints else {}
-        title = {"size": "small", "data": own[[signal]], "coords": panel} | settings
-        canvas.label("title", one.name, **title)
-        if n + columns >= count:
-            bottom = own[[RESIDUAL if figure.has_residuals else signal]]
-            canvas.label("xlabel", axis_label(figure.horizontal), data=bottom, coords=panel)
-        if n % columns == 0:
-            vertical = axis_label(figure.vertical, pressure_unit)
-            if len(vertical) > _LONGEST_LABEL:
-                vertical = "\n(".join(vertical.rsplit(" (", 1))
-            canvas.label("ylabel", vertical, data=own[[signal]], coords=panel)
-            if figure.has_residuals:
-                text = "residual\n(SD)"
-                canvas.label("ylabel", text, data=own[[RESIDUAL]], coords=panel)
+        canvas.label(
+            "title", one.name, size="small", **panel, **{"bbox": box} if figure.has_tints else {}
+        )
+        lowest = strip if figure.has_residuals else panel
+        hidden = {"axis": "x", "visible": False}
+        if figure.has_residuals:
+            canvas.adjust("set_ticklabel_visibility", **panel, **hidden)
+        if n + figure.columns >= len(figure.specimens):
+            canvas.label("xlabel", axis_label(horizontal), **lowest)
+        elif shared[0]:
+            canvas.adjust("set_ticklabel_visibility", **lowest, **hidden)
+        if n % figure.columns == 0:
+            canvas.label("ylabel", beside_panel(axis_label(vertical, pressure_unit)), **panel)
+            canvas.label("ylabel", "residual\n(SD)", **strip)
+        else:
+            beside = whole if shared[1] else strip
+            canvas.adjust("set_ticklabel_visibility", axis="y", visible=False, **beside)

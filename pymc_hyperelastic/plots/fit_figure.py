@@ -7,32 +7,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from pymc_hyperelastic.plots.curves import BAND, POINTS, Array, Curve, gathered
 from pymc_hyperelastic.plots.fitted_curves import (
     SIGNALS,
     Specimen,
     curves_of,
-    radius_of,
+    quantities_of,
     stretch_labels,
     tubes_of,
 )
 from pymc_hyperelastic.plots.fitted_sheets import stress_curves_of
+from pymc_hyperelastic.plots.panels import columns_of
 from pymc_hyperelastic.plots.stretches import AXIS, stress_label
-from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal
+from pymc_hyperelastic.plots.style import MARKERS, per_kilopascal, with_margin
 
 #: Variable of the standardised residuals in a figure.
 RESIDUAL = "residual"
 # Panels share an axis if the data of each span at least this part of the data of all.
-_SPAN = 0.3
-# Interquartile ranges beyond which slopes are far out: Tukey's outer fence.
-_FENCE = 3.0
-# Room of bands above and below the data on an axis, in sizes of the largest datum.
-_ROOM = 2.0
-# Margin at both ends of an axis, as a fraction of its length.
-_MARGIN = 0.06
-# Least half length of the axis of residuals, in standard deviations.
-_LEAST_REACH = 3.0
+_LEAST_SPAN = 0.3
 
 
 class Ends(NamedTuple):
@@ -74,28 +68,24 @@ class FitFigure(NamedTuple):
         return self.by is not None and self.curves.sizes[self.group] > 1
 
     @property
-    def horizontal(self) -> str:
-        """Quantity on the horizontal axis."""
+    def quantities(self) -> tuple[str, str]:
+        """Quantities on the horizontal and on the vertical axis."""
         if SIGNALS[self.signal].of_sheets:
-            return "stretch"
-        if SIGNALS[self.signal].over_stretch:
-            return "axial_stretch"
-        return radius_of(self.specimens[0].tests)
+            return "stretch", stress_label(one.tests for one in self.specimens)
+        return quantities_of(self.signal, self.specimens[0].tests)
 
     @property
-    def vertical(self) -> str:
-        """Quantity on the vertical axis."""
-        if SIGNALS[self.signal].of_sheets:
-            return stress_label(one.tests for one in self.specimens)
-        if self.signal == "extension_radius":
-            return radius_of(self.specimens[0].tests)
-        return SIGNALS[self.signal].quantity
+    def columns(self) -> int:
+        """Number of panels side by side."""
+        return columns_of(len(self.specimens), 4)
 
     @property
     def of_each_curve(self) -> xr.Dataset:
         """The variables of the figure, with a number for each curve."""
         names = [self.signal] + [RESIDUAL] * self.has_residuals
-        return xr.Dataset(dict.fromkeys(names, self.curves[self.signal].isel(plot_axis=0)))
+        return xr.Dataset(
+            dict.fromkeys(names, self.curves[self.signal].isel(plot_axis=0, drop=True))
+        )
 
     @property
     def of_each_panel(self) -> xr.Dataset:
@@ -125,7 +115,7 @@ def figure_of(
     else:
         by, labels, order = _labels_of_tests(signal, specimens, pressure_unit)
         found = [
-            [(of_tests[fit.tests[0]], fit) for fit in curves_of(one, signal, **settings)]
+            [(of_tests[fit.test], fit) for fit in curves_of(one, signal, **settings)]
             for one, of_tests in zip(specimens, labels, strict=True)
         ]
     curves, points = [], []
@@ -167,17 +157,20 @@ def _labels_of_tests(
     """
     shown = [np.flatnonzero(SIGNALS[signal].has_tests(one.tests)) for one in specimens]
     labels, order = stretch_labels([one.tests for one in specimens], pressure_unit)
-    by = "axial_stretch"
-    used = {own[i] for own, tests in zip(labels, shown, strict=True) for i in tests}
-    if len(used) > len(MARKERS):
+    by, used = "axial_stretch", _used(labels, shown)
+    if len(set().union(*used)) > len(MARKERS):
         by, labels = "experiment", [_first_experiments(signal, one) for one in specimens]
         order = list(dict.fromkeys(label for own in labels for label in own))
-        used = {own[i] for own, tests in zip(labels, shown, strict=True) for i in tests}
-    several = any(
-        len({own[i] for i in tests}) > 1 for own, tests in zip(labels, shown, strict=True)
-    )
-    differ = several or (by == "axial_stretch" and len(used) > 1)
-    return by if differ else None, labels, [label for label in order if label in used]
+        used = _used(labels, shown)
+    names = set().union(*used)
+    several = any(len(own) > 1 for own in used)
+    differ = several or (by == "axial_stretch" and len(names) > 1)
+    return by if differ else None, labels, [label for label in order if label in names]
+
+
+def _used(labels: list[list[str]], shown: list[NDArray[np.intp]]) -> list[set[str]]:
+    """Return the labels of the shown tests of each specimen."""
+    return [{own[i] for i in tests} for own, tests in zip(labels, shown, strict=True)]
 
 
 def _first_experiments(signal: str, one: Specimen) -> list[str]:
@@ -198,17 +191,11 @@ def ends_of_x(figure: FitFigure) -> Ends:
 def ends_of_y(figure: FitFigure) -> Ends:
     """Return the ends of the vertical axes, which show the data, and bands near them."""
     bands = figure.curves[figure.signal].sel(plot_axis=["y_bottom", "y_top"])
-    fence = _FENCE if figure.signal == "stiffness" else np.inf
+    has_outliers = figure.signal == "stiffness"
     if figure.signal not in figure.points:
         return _ends(figure, bands, bands, lambda _, band: (band.min(), band.max()))
     measured = figure.points[figure.signal].sel(plot_axis="y", drop=True)
-    return _ends(figure, measured, bands, lambda values, band: _near(values, band, fence))
-
-
-def reach_of_residuals(figure: FitFigure) -> float:
-    """Return half of the length of the axis of residuals, in standard deviations."""
-    largest = np.nanmax(np.abs(figure.points[RESIDUAL].sel(plot_axis="y").values))
-    return float(max(_LEAST_REACH, (1 + _MARGIN) * largest))
+    return _ends(figure, measured, bands, lambda values, band: _near(values, band, has_outliers))
 
 
 def _ends(
@@ -221,18 +208,14 @@ def _ends(
     panels = [figure.panel(one) for one in figure.specimens]
     by_panel = [_finite(values.sel(panel)) for panel in panels]
     spans = [np.ptp(own) for own in by_panel if own.size]
-    shared = min(spans) >= _SPAN * np.ptp(np.concatenate(by_panel))
-    coords = {dim: figure.curves[dim] for dim in (figure.group, "specimen")}
-    shape = [coord.size for coord in coords.values()]
-    low, high = (xr.DataArray(np.full(shape, np.nan), coords, [*coords]) for _ in range(2))
+    shared = min(spans) >= _LEAST_SPAN * np.ptp(np.concatenate(by_panel))
+    low = xr.full_like(figure.of_each_panel[figure.signal], np.nan)
+    high = low.copy()
+    whole = np.concatenate(by_panel), _finite(bands)
     for panel, own in zip(panels, by_panel, strict=True):
         alone = own.size and not shared
-        at = ends(
-            own if alone else np.concatenate(by_panel),
-            _finite(bands.sel(panel) if alone else bands),
-        )
-        margin = _MARGIN * (at[1] - at[0])
-        low.loc[panel], high.loc[panel] = at[0] - margin, at[1] + margin
+        at = ends(own, _finite(bands.sel(panel))) if alone else ends(*whole)
+        low.loc[panel], high.loc[panel] = with_margin(*at)
     return Ends(low, high, bool(shared))
 
 
@@ -240,11 +223,16 @@ def _finite(values: xr.DataArray) -> Array:
     return values.values[np.isfinite(values.values)]
 
 
-def _near(values: Array, band: Array, fence: float) -> tuple[float, float]:
-    """Return the ends of an axis that shows data within the fence, and bands near them."""
-    quartiles = np.quantile(values, [0.25, 0.75])
-    reach = fence * np.ptp(quartiles) if np.isfinite(fence) else np.inf
-    near = values[(values >= quartiles[0] - reach) & (values <= quartiles[1] + reach)]
-    room = _ROOM * np.abs(near).max() or np.inf
-    low, high = max(band.min(), near.min() - room), min(band.max(), near.max() + room)
-    return min(low, near.min()), max(high, near.max())
+def _near(values: Array, band: Array, has_outliers: bool) -> tuple[float, float]:
+    """Return the ends of an axis that shows data, and bands near them.
+
+    Outliers are left out: data beyond Tukey's outer fences, three interquartile ranges from the
+    quartiles. Bands have room for twice the largest datum above and below the data.
+    """
+    if has_outliers:
+        quartiles = np.quantile(values, [0.25, 0.75])
+        reach = 3 * np.ptp(quartiles)
+        values = values[(values >= quartiles[0] - reach) & (values <= quartiles[1] + reach)]
+    low, high = values.min(), values.max()
+    room = 2 * np.abs(values).max() or np.inf
+    return min(low, max(band.min(), low - room)), max(high, min(band.max(), high + room))

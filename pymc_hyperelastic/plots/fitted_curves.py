@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ from pymc_hyperelastic.models.settings import (
     inflation_data_of,
     model_settings_of,
 )
-from pymc_hyperelastic.plots.curves import Array, band_rows
+from pymc_hyperelastic.plots.curves import CURVE_POINTS, DRAWS, Array, band_rows
 from pymc_hyperelastic.plots.residuals import (
     Points,
     errors_of,
@@ -42,6 +42,7 @@ from pymc_hyperelastic.plots.residuals import (
     offsets_of,
     residuals_of,
 )
+from pymc_hyperelastic.plots.stretches import HELD
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.draws import Draws, draws_of
 from pymc_hyperelastic.predictions.measured import typical_tests
@@ -49,12 +50,6 @@ from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.predictions.offsets import knows_offsets
 from pymc_hyperelastic.rounding import DIGITS
 
-_RADII = 80  # points of a curve over radii
-# Points of a curve over axial stretches: at each one Newton's method finds the radius.
-_STRETCHES = 24
-_DRAWS = 1000  # draws of a band: more change no line visibly
-# Part of the largest pressure by which a pressure that is held during an extension test varies.
-_HELD = 0.5
 # Measures of a tube that a posterior may hold. The axial stretch of a curve is that of its test.
 _MEASURES = {"inner_radius", "outer_radius", "thickness", "wall_area", "opening_angle"}
 
@@ -64,15 +59,18 @@ class Signal(NamedTuple):
 
     quantity: str
     """Name of the quantity on the vertical axis."""
-    over_stretch: bool
-    """True if extension tests are shown, over the axial stretch; False for inflation tests."""
-    curve: Callable[[TubeNumbers, Array], Array] | None
-    """From tubes and internal radii, the curves of the draws; None for sheets."""
+    tests: Literal["inflation tests", "extension tests", "tests of sheets"]
+    """The tests that are shown."""
 
     @property
     def of_sheets(self) -> bool:
         """True if tests of sheets are shown, False for those of tubes."""
-        return self.curve is None
+        return self.tests == "tests of sheets"
+
+    @property
+    def over_stretch(self) -> bool:
+        """True if the quantity is shown over the axial stretch, False for the radius."""
+        return self.tests == "extension tests"
 
     def has_tests(self, data: xr.Dataset) -> NDArray[np.bool_]:
         """Return True for each test of the kind that is shown."""
@@ -83,12 +81,12 @@ class Signal(NamedTuple):
 
 # The signals of a fit by name, in the order of a report.
 SIGNALS = {
-    "pressure": Signal("pressure", False, lambda tube, radius: tube.pressure(radius)[0]),
-    "stiffness": Signal("stiffness", False, lambda tube, radius: tube.pressure(radius)[1]),
-    "axial_force": Signal("axial_force", False, TubeNumbers.axial_force),
-    "extension_radius": Signal("radius", True, lambda tube, radius: radius),
-    "extension_force": Signal("axial_force", True, TubeNumbers.axial_force),
-    "stress": Signal("stress", False, None),
+    "pressure": Signal("pressure", "inflation tests"),
+    "stiffness": Signal("stiffness", "inflation tests"),
+    "axial_force": Signal("axial_force", "inflation tests"),
+    "extension_radius": Signal("radius", "extension tests"),
+    "extension_force": Signal("axial_force", "extension tests"),
+    "stress": Signal("stress", "tests of sheets"),
 }
 
 
@@ -113,8 +111,8 @@ class Specimen(NamedTuple):
 class FittedCurve(NamedTuple):
     """The posterior of one curve of a specimen, and the measured points."""
 
-    tests: list[int]
-    """Positions of the tests among those of the specimen."""
+    test: int
+    """Position of the first test on its tube among those of the specimen."""
     band: Array
     """Rows `BAND`."""
     points: Array
@@ -134,7 +132,7 @@ def specimens_in(
     """
     found = []
     for of_class, tree in classes.items():
-        thinned, known = thinned_draws(tree, _DRAWS), _known_specimens(tree)
+        thinned, known = thinned_draws(tree, DRAWS), _known_specimens(tree)
         for name, tests in specimens_apart(data[of_class]).items():
             member = name if name in known else None
             found.append(Specimen(of_class, name, thinned, tests, member))
@@ -215,7 +213,7 @@ def stretch_labels(
         for test, stretch in enumerate(held_stretches(dataset).tolist()):
             own, label = pressures[points_of(dataset, test)], "unknown"
             if extended[test]:
-                held = np.ptp(own) <= _HELD * np.abs(own).max()
+                held = np.ptp(own) <= HELD * np.abs(own).max()
                 levels = [own.mean()] if held else [own.min(), own.max()]
                 at = " to ".join(f"{level:.3g}" for level in levels)
                 label = f"varied at {at} {pressure_unit}"
@@ -248,15 +246,13 @@ def curves_of(
         of_tube = chosen[tubes[chosen] == number]
         own = tests_at(tests, of_tube)
         known = _known_tube(specimen, own)
-        if tuple(known.values()) not in by_tube:
+        key = tuple(known.values())
+        if key not in by_tube:
             # Draws of a specimen take long, and serve for its tests at all stretches.
-            tube: dict[str, Any] = dict(known)
-            if np.isfinite(at_points(own, "axial_stretch")).all():
-                tube["axial_stretch"] = 1.0
-            by_tube[tuple(known.values())] = draws_of(
-                specimen.tree, Tube(**tube), specimen.member, energy
-            )
-        draws = by_tube[tuple(known.values())]
+            is_known = np.isfinite(at_points(own, "axial_stretch")).all()
+            tube = Tube(**known | ({"axial_stretch": 1.0} if is_known else {}))
+            by_tube[key] = draws_of(specimen.tree, tube, specimen.member, energy)
+        draws = by_tube[key]
         band, draws = _band(signal, own, draws, ci_prob)
         own, points = _at_points(signal, own, draws)
         errors = errors_of(specimen.tree, draws)
@@ -270,7 +266,7 @@ def curves_of(
         if residuals and errors is not None and _is_used(signal, own, errors):
             standardised = residuals_of(signal, points, errors)
         measured = _measured(signal, own, points)
-        yield FittedCurve(of_tube.tolist(), band, measured, standardised, less_offset)
+        yield FittedCurve(of_tube[0], band, measured, standardised, less_offset)
 
 
 def _has_unknown_offsets(specimen: Specimen, errors: Errors) -> bool:
@@ -289,25 +285,34 @@ def _is_used(signal: str, tests: xr.Dataset, errors: Errors) -> bool:
 
 def _band(signal: str, tests: xr.Dataset, draws: Draws, ci_prob: float) -> tuple[Array, Draws]:
     """Rows of the band over tests on one tube, and the draws at its axial stretch."""
-    shown, x = SIGNALS[signal], abscissa(signal, tests)
-    if shown.over_stretch:
-        grid, pressure = (evenly_along(x, v, _STRETCHES) for v in (x, tests["pressure"].values))
+    x = at_points(tests, quantities_of(signal, tests)[0])
+    if SIGNALS[signal].over_stretch:
+        grid, pressure = (evenly_along(x, v, CURVE_POINTS) for v in (x, tests["pressure"].values))
         draws = _stretched(draws, grid)
         radius = draws.radius_at(pressure)
         beyond = draws.extrapolated_pressures(pressure, radius, "kPa")
     else:
-        grid = np.linspace(x.min(), x.max(), _RADII)
+        grid = np.linspace(x.min(), x.max(), CURVE_POINTS)
         draws = _stretched(draws, held_stretches(tests)[:1])
         radius = _internal_radius(grid, tests, draws.tube)
         beyond = draws.extrapolated_radii(_typical_radius(grid, radius, tests))
     shape = draws.coords["chain"].size, draws.coords["draw"].size, grid.size
-    curve = shown.curve or TubeNumbers.axial_force  # sheets have other curves
-    values = np.broadcast_to(curve(draws.tube, radius), shape)
+    values = np.broadcast_to(_curve(signal, draws.tube, radius), shape)
     if signal == "extension_radius" and "outer_diameter" in tests:
         values = 2 * current_radius(
             draws.tube.geometry["outer_radius"], values, **draws.tube.unloaded
         )
     return band_rows(grid, values, ci_prob, 0.0 if beyond is None else beyond.points), draws
+
+
+def _curve(signal: str, tube: TubeNumbers, radius: Array) -> Array:
+    """Return a signal of tubes at internal radii."""
+    if signal == "extension_radius":
+        return radius
+    if SIGNALS[signal].quantity == "axial_force":
+        return tube.axial_force(radius)
+    pressure, slope = tube.pressure(radius)
+    return slope if signal == "stiffness" else pressure
 
 
 def _stretched(draws: Draws, stretch: Array) -> Draws:
@@ -342,11 +347,11 @@ def _known_tube(specimen: Specimen, tests: xr.Dataset) -> dict[str, Any]:
     return {name: value for name, value in known.items() if np.isfinite(value)}
 
 
-def abscissa(signal: str, tests: xr.Dataset) -> Array:
-    """Values on the horizontal axis: axial stretches, or the measured radii or diameters."""
-    if SIGNALS[signal].over_stretch:
-        return at_points(tests, "axial_stretch")
-    return tests[radius_of(tests)].values
+def quantities_of(signal: str, tests: xr.Dataset) -> tuple[str, str]:
+    """Return the quantities on the horizontal and the vertical axis of a signal of tubes."""
+    radius, shown = radius_of(tests), SIGNALS[signal]
+    horizontal = "axial_stretch" if shown.over_stretch else radius
+    return horizontal, radius if signal == "extension_radius" else shown.quantity
 
 
 def radius_of(tests: xr.Dataset) -> str:
@@ -374,24 +379,17 @@ def _at_points(signal: str, tests: xr.Dataset, draws: Draws) -> tuple[xr.Dataset
 
 def _slopes(tests: xr.Dataset) -> Array:
     """Central differences of the pressure by the internal radius, kPa/mm; NaN at ends of tests."""
-    radius, pressure = tests["radius"].values, tests["pressure"].values
+    radius, pressure, test = (tests[name].values for name in ("radius", "pressure", "test"))
+    step = radius[2:] - radius[:-2]
+    step = np.where((test[2:] == test[:-2]) & (step != 0), step, np.nan)
     slope = np.full_like(pressure, np.nan)
-    for i in range(tests.sizes["test"]):
-        test = points_of(tests, i)
-        step = radius[test][2:] - radius[test][:-2]
-        step[step == 0] = np.nan
-        slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
+    slope[1:-1] = (pressure[2:] - pressure[:-2]) / step
     return slope
 
 
 def _measured(signal: str, tests: xr.Dataset, points: Points) -> Array:
     """Rows `POINTS` of the measured values."""
-    if signal == "stiffness":
-        values = points.slopes
-    elif signal == "extension_radius" and "outer_diameter" in tests:
-        values = tests["outer_diameter"].values
-    elif SIGNALS[signal].quantity in tests:
-        values = tests[SIGNALS[signal].quantity].values
-    else:
-        values = np.full(tests.sizes["obs"], np.nan)
-    return np.array([abscissa(signal, tests), values])
+    horizontal, vertical = quantities_of(signal, tests)
+    unknown = xr.full_like(tests["pressure"], np.nan)
+    values = points.slopes if signal == "stiffness" else tests.get(vertical, unknown).values
+    return np.array([at_points(tests, horizontal), values])

@@ -9,15 +9,11 @@ import numpy as np
 
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.plots.curves import Array, band_rows
+from pymc_hyperelastic.plots.curves import CURVE_POINTS, Array, band_rows
 from pymc_hyperelastic.plots.fitted_curves import FittedCurve, Specimen
-from pymc_hyperelastic.plots.residuals import errors_of
+from pymc_hyperelastic.plots.residuals import errors_of, slope_of
 from pymc_hyperelastic.plots.stretches import names_of_tests, sheet_curves, shown_axis
 from pymc_hyperelastic.predictions.sheets import SheetDraws, sheet_draws_of
-
-_POINTS = 80  # points of a curve
-# Change of the logarithm of a stretch in a central difference: its error is about its square.
-_STEP = 1e-4
 
 
 def tests_apart(specimens: list[Specimen]) -> list[Specimen]:
@@ -50,7 +46,7 @@ def stress_curves_of(
         if residuals and errors is not None and errors.stress_sd is not None:
             standardised = _residuals(of.axis, of.stress, measured, is_nominal, draws, errors)
         points = np.array([of.stretch, of.stress])
-        yield of.axis, FittedCurve([0], rows, points, standardised, False)
+        yield of.axis, FittedCurve(0, rows, points, standardised, False)
 
 
 def _along(measured: Mapping[str, Array]) -> dict[str, Array]:
@@ -62,9 +58,9 @@ def _along(measured: Mapping[str, Array]) -> dict[str, Array]:
     passed = np.append(0.0, np.cumsum(np.nan_to_num(steps).sum(axis=0)))
     if partly or not passed[-1]:
         return dict(measured)
-    grid = np.linspace(0.0, passed[-1], _POINTS)
+    grid = np.linspace(0.0, passed[-1], CURVE_POINTS)
     return {
-        axis: np.full(_POINTS, np.nan) if free[axis] else np.exp(np.interp(grid, passed, log))
+        axis: np.full(CURVE_POINTS, np.nan) if free[axis] else np.exp(np.interp(grid, passed, log))
         for axis, log in logs.items()
     }
 
@@ -88,8 +84,10 @@ def _residuals(
         for by, given in stretches.items():
             if np.isnan(given).all():
                 continue
-            shifts = (given * np.exp(s) for s in (-_STEP, _STEP))
-            low, high = (curve({**stretches, by: shifted}) for shifted in shifts)
-            slope = (high - low) / (2 * _STEP * given)
+
+            def along(shifted: Array, by: str = by) -> Array:
+                return curve({**stretches, by: shifted})
+
+            slope = slope_of(along, given)
             variance = variance + np.square(errors.stretch_sd * np.nan_to_num(slope))
     return np.median((stress - curve(stretches)) / np.sqrt(variance), axis=(0, 1))

@@ -8,26 +8,24 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import (
-    at_points,
-    check_data,
-    extension_tests,
-    points_of,
-)
+from pymc_hyperelastic.data.inflation import at_points, check_data, extension_tests, points_of
 from pymc_hyperelastic.data.select import specimens_of, tests_at
 from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import POINTS, Curve, gathered
-from pymc_hyperelastic.plots.fitted_curves import stretch_labels
+from pymc_hyperelastic.plots.fitted_curves import radius_of, stretch_labels
 from pymc_hyperelastic.plots.labels import axis_label, words
+from pymc_hyperelastic.plots.panels import columns_of, evenly, size_of
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     Backend,
     Canvas,
     Visuals,
     Wishes,
+    check_choice,
     many_looks,
     per_kilopascal,
+    with_margin,
 )
 
 if TYPE_CHECKING:
@@ -38,8 +36,6 @@ _MOST_SPECIMENS = 60
 _MOST_TESTS = 240
 # Labels by which tests may be grouped, the coarsest first.
 _GROUPINGS = ("group", "specimen", "axial_stretch", "experiment")
-# Margin at both ends of a horizontal axis, as a fraction of its length.
-_MARGIN = 0.04
 
 
 @one_thread
@@ -109,11 +105,8 @@ def plot_inflation(
     tubes = tubes_of(data)
     if tubes is None:
         raise ValueError("the data hold no tubes: tests of sheets are shown by plot_sheet_tests")
-    data = tubes
-    if group_by not in (*_GROUPINGS, None):
-        names = ", ".join(_GROUPINGS)
-        raise ValueError(f"group_by must be one of {names} or None, not {group_by!r}")
-    data, note = thinned(data)
+    check_choice("group_by", group_by, (*_GROUPINGS, None))
+    data, note = thinned(tubes)
     labels = {name: data[name].values.tolist() for name in _GROUPINGS if name != "axial_stretch"}
     coords = {name: list(dict.fromkeys(of_tests)) for name, of_tests in labels.items()}
     (labels["axial_stretch"],), coords["axial_stretch"] = stretch_labels([data], pressure_unit)
@@ -127,15 +120,24 @@ def plot_inflation(
     aes = {"color": [colour], "linestyle": [colour], "marker": [marker or colour]}
     looks = many_looks() | ({"marker": MARKERS} if marker else {})
     looks["aes"] = aes | {"overlay": [*dims, "curve"]}
-    canvas = _panels(curves, group_by, (backend, visuals, pc_kwargs), looks)
-    canvas.draw("line", "line_xy", width=0.8, alpha=0.7, ignore_aes={"marker"})
-    canvas.draw("points", "scatter_xy", size=10, width=0.8, ignore_aes={"linestyle"})
-    radius = "outer_diameter" if "outer_diameter" in data else "radius"
-    _label(canvas, curves, group_by, radius, pressure_unit)
+    radius, title = radius_of(data), f"{words(group_by)} " if group_by else ""
+    axes = {
+        name: (
+            axis_label(radius if name == "pressure" else "axial_stretch"),
+            axis_label(radius if name == "radius" else name, pressure_unit),
+        )
+        for name in map(str, curves.data_vars)
+    }
+    wishes = backend, visuals, pc_kwargs
+    canvas = panels_of_tests(curves, (group_by, title), axes, wishes, looks)
+    for name in axes:
+        x = curves[name].sel(plot_axis="x")
+        ends = with_margin(float(x.min()), float(x.max()))
+        canvas.adjust("set_xlim", limits=ends, data=curves[[name]])
     if backend == "matplotlib":
-        for axes in canvas.collection.get_viz("figure").axes:
-            if not axes.has_data():
-                axes.set_axis_off()
+        for panel in canvas.collection.get_viz("figure").axes:
+            if not panel.has_data():
+                panel.set_axis_off()
     entries: dict[str, Any] = {}
     if colour != group_by:
         style = ("color", "linestyle") if marker else ("color", "linestyle", "marker")
@@ -151,66 +153,57 @@ def plot_inflation(
 
 def thinned(data: xr.Dataset) -> tuple[xr.Dataset, str | None]:
     """Choose tests that one figure can show, evenly from all, and say how many they are."""
-
-    def evenly(count: int, most: int) -> np.ndarray:
-        return np.linspace(0, count - 1, most).round().astype(int)
-
     names, of_test = specimens_of(data)
-    tests, note = np.arange(of_test.size), None
+    note = None
     if len(names) > _MOST_SPECIMENS:
-        tests = np.flatnonzero(np.isin(of_test, evenly(len(names), _MOST_SPECIMENS)))
         note = f"{_MOST_SPECIMENS} of {len(names)} specimens"
+    tests = np.flatnonzero(np.isin(of_test, evenly(len(names), _MOST_SPECIMENS)))
     if tests.size > _MOST_TESTS:
-        tests = tests[evenly(tests.size, _MOST_TESTS)]
         note = f"{_MOST_TESTS} of {of_test.size} tests"
-    return (tests_at(data, tests), note) if note else (data, None)
+    return tests_at(data, tests[evenly(tests.size, _MOST_TESTS)]), note
 
 
-def _panels(
-    curves: xr.Dataset, group_by: str | None, wishes: Wishes, settings: dict[str, Any]
+def panels_of_tests(
+    curves: xr.Dataset,
+    by_group: tuple[str | None, str],
+    axes: Mapping[str, tuple[str, str]],
+    wishes: Wishes,
+    looks: Mapping[str, Any],
 ) -> Canvas:
-    """Panels side by side; where there are curves of two kinds, a row of both for each group."""
-    groups, kinds = curves.sizes[group_by] if group_by else 1, len(curves.data_vars)
-    of_groups = [group_by] if group_by else []
-    columns, rows = (kinds, groups) if kinds > 1 else (min(groups, 3), -(-groups // 3))
-    layout: dict[str, Any] = {"cols": ["__variable__"], "rows": of_groups}
-    if kinds == 1:
-        layout = {"cols": of_groups, "col_wrap": 3}
-    return Canvas(
-        "wrap" if kinds == 1 else "grid",
+    """Draw measured curves and points in panels side by side, with labels.
+
+    If there are curves of two kinds, each group has a row of both. `by_group` is the label of the
+    panels, and how their titles begin; `axes` are the labels of the axes of each kind.
+    """
+    group_by, title = by_group
+    groups = curves[group_by].values.tolist() if group_by else [None]
+    cols, wraps = [group_by] if group_by else [], len(axes) == 1
+    columns = columns_of(len(groups), 3) if wraps else len(axes)
+    layout: dict[str, Any] = {"cols": ["__variable__"], "rows": cols}
+    if wraps:
+        layout = {"cols": cols, "col_wrap": columns}
+    canvas = Canvas(
+        "wrap" if wraps else "grid",
         curves,
         "line points xlabel ylabel title legend",
         wishes,
-        (max(3 * columns + 0.2, 4.4), 2.9 * rows + 0.5),
-        {"sharey": "all" if kinds == 1 else "col"},
-        **settings | layout,
+        size_of(len(groups) * len(axes), columns),
+        {"sharey": "all" if wraps else "col"},
+        **looks,
+        **layout,
     )
-
-
-def _label(
-    canvas: Canvas, curves: xr.Dataset, group_by: str | None, radius: str, pressure_unit: str
-) -> None:
-    """Label and limit the panels of each kind of curves."""
-    kinds = list(map(str, curves.data_vars))
-    names = curves[group_by].values.tolist() if group_by else [None]
-    columns = min(len(names), 3) if len(kinds) == 1 else 1
-    for kind in kinds:
-        one = {"data": curves[[kind]]}
-        x = curves[kind].sel(plot_axis="x")
-        low, high = float(x.min()), float(x.max())
-        margin = _MARGIN * (high - low)
-        canvas.adjust("set_xlim", limits=(low - margin, high + margin), **one)
-        horizontal = radius if kind == "pressure" else "axial_stretch"
-        canvas.label("xlabel", axis_label(horizontal), **one)
-        for i, name in enumerate(names):
-            here = {group_by: name} if group_by else {}
+    canvas.draw("line", "line_xy", width=0.8, alpha=0.7, ignore_aes={"marker"})
+    canvas.draw("points", "scatter_xy", size=10, width=0.8, ignore_aes={"linestyle"})
+    for kind, (horizontal, vertical) in axes.items():
+        for i, group in enumerate(groups):
+            here = {group_by: group} if group_by else {}
             panel = {"data": curves[[kind]].sel(here, drop=True), "coords": here}
-            if i % columns == 0:
-                vertical = axis_label(radius if kind == "radius" else kind, pressure_unit)
+            canvas.label("xlabel", horizontal, **panel)
+            if not wraps or i % columns == 0:
                 canvas.label("ylabel", vertical, **panel)
-            if len(names) > 1:
-                title = f"{words(str(group_by))} {name}"
-                canvas.label("title", title, size="medium", **panel)
+            if len(groups) > 1:
+                canvas.label("title", f"{title}{group}", size="medium", **panel)
+    return canvas
 
 
 def _colour_and_marker(labels: Mapping[str, list], group_by: str | None) -> tuple[str, str | None]:
@@ -235,7 +228,7 @@ def _colour_and_marker(labels: Mapping[str, list], group_by: str | None) -> tupl
 
 def _curves(data: xr.Dataset, labels: list[list[str]], pressure_unit: str) -> list[Curve]:
     """The curve of each test with its labels: inflation tests before extension tests."""
-    radius = data["outer_diameter" if "outer_diameter" in data else "radius"].values
+    radius = data[radius_of(data)].values
     extended, stretch = extension_tests(data), at_points(data, "axial_stretch")
     force = data["axial_force"].values if "axial_force" in data else np.full(radius.size, np.nan)
     pulled = {"radius": [stretch, radius]}

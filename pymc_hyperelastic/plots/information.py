@@ -8,20 +8,13 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.rows import (
-    draw_lines,
-    draw_points,
-    draw_verticals,
-    heights,
-    row_panels,
-)
+from pymc_hyperelastic.plots.rows import heights, joined, row_panels
 from pymc_hyperelastic.plots.style import Backend, Visuals, check_table
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
 _PANELS = ("information", "difference")
-_ROW = 0.32  # inches of a design
 
 
 @one_thread
@@ -78,25 +71,26 @@ def plot_information(
     for column in columns:
         check_numbers(result, result, column, ("design",), finite=False)
     value, error = (
-        result[[name + end for name in _PANELS]].to_dataarray("panel").drop_vars("panel")
+        result[[name + end for name in _PANELS]]
+        .to_dataarray("panel")
+        .assign_coords(panel=list(_PANELS))
         for end in ("", "_se")
     )
-    value = value.assign_coords(panel=list(_PANELS))
     names = [str(name) for name in result["design"].values.tolist()]
-    data, aes = (
-        value.to_dataset(name="information"),
-        {name: ["design"] for name in ("color", "overlay")},
-    )
+    data, aes = value.to_dataset(name="information"), {"color": ["design"], "overlay": ["design"]}
     wishes = backend, visuals, pc_kwargs
-    canvas = row_panels(data, "points error all xlabel", wishes, names, _ROW, aes=aes)
+    canvas = row_panels(data, "points error all xlabel", wishes, names, 0.32, aes=aes)
     # Information about a quantity has no upper limit.
     about = read_text(result, "about")
     entropy = read_number(result, "entropy") if about == "class" else float("nan")
-    draw_verticals(canvas, "all", {"information": entropy, "difference": 0.0})
+    limits = xr.DataArray([entropy, 0.0], {"panel": list(_PANELS)}, "panel")
+    line = {"data": limits.to_dataset(name="information"), "color": "0.6", "width": 0.8}
+    canvas.draw("all", "vline", ignore_aes="all", **line)
     y = heights("design", len(names))
     plain: dict[str, Any] = {"ignore_aes": {"color"}, "color": "0.1"}
-    draw_lines(canvas, "error", (value - 2 * error, value + 2 * error), y, **plain)
-    draw_points(canvas, "points", value, y, **plain)
+    ends = joined(value - 2 * error, value + 2 * error)
+    canvas.draw_xy("error", "line_xy", ends, y, width=1.3, **plain)
+    canvas.draw_xy("points", "scatter_xy", value, y, size=22, **plain)
     subject = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
     law = read_text(result, "strain_energy")
     canvas.title([result.attrs], law, f"information about {subject}")

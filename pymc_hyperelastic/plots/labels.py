@@ -1,13 +1,14 @@
 """Words, symbols and units of quantities in figures."""
 
 import re
+from collections.abc import Mapping
 from contextlib import suppress
 from textwrap import fill
 
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 
-# Letters of a line of a label: with "log of" before them they fit the height of a panel.
+# Letters of a line of a label beside a panel: 20 fit the height of a panel.
 _WIDTH = 20
 # Name of a quantity: words of its axis, and the unit of its numbers; None if it has none.
 LABELS: dict[str, tuple[str, str | None]] = {
@@ -62,6 +63,18 @@ def axis_label(name: str, pressure_unit: str = "kPa") -> str:
     return f"{words} ({unit.replace('kPa', pressure_unit)})" if unit else words
 
 
+def beside_panel(label: str) -> str:
+    r"""Label of a vertical axis; the unit of a long label has a line of its own.
+
+    Examples
+    --------
+    >>> beside_panel("pressure (kPa)"), beside_panel("reduced axial force (mN)")
+    ('pressure (kPa)', 'reduced axial force\n(mN)')
+    """
+    long = max(map(len, label.splitlines())) > _WIDTH
+    return "\n(".join(label.rsplit(" (", 1)) if long else label
+
+
 def words(name: str) -> str:
     """Words of a quantity or a label, without symbol and unit.
 
@@ -73,8 +86,10 @@ def words(name: str) -> str:
     return LABELS[name][0].split(" $")[0]
 
 
-def quantity_label(name: str, law: str | None, pressure_unit: str = "kPa") -> str:
+def quantity_label(name: str, law: str | None, units: Mapping[str, str] | None = None) -> str:
     r"""Label of an axis: a property, a parameter of the law, a coordinate, or a logarithm.
+
+    Units that are given replace the known ones.
 
     Examples
     --------
@@ -84,13 +99,15 @@ def quantity_label(name: str, law: str | None, pressure_unit: str = "kPa") -> st
     'log of stiffness $\\mathrm{d}p/\\mathrm{d}a$ (kPa/mm)'
     """
     if name.startswith("log "):
-        return f"log of {quantity_label(name.removeprefix('log '), law, pressure_unit)}"
+        return f"log of {quantity_label(name.removeprefix('log '), law)}"
     parameter = parameter_of(law, name.partition("[")[0])
     if parameter is None:
-        return axis_label(name, pressure_unit) if name in LABELS else name.replace("_", " ")
-    entry = name.removeprefix(parameter.name)
-    label = f"${parameter.symbol}${entry}"
-    return f"{label} ({parameter.unit})" if parameter.unit else label
+        label, unit = LABELS.get(name, (name.replace("_", " "), None))
+    else:
+        label = f"${parameter.symbol}${name.removeprefix(parameter.name)}"
+        unit = parameter.unit
+    unit = unit_text((units or {}).get(name, unit or ""))
+    return f"{label} ({unit})" if unit else label
 
 
 def parameter_of(law: str | None, name: str) -> Parameter | None:

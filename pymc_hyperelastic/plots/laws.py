@@ -11,17 +11,16 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.rows import draw_lines, draw_points, heights, row_panels
+from pymc_hyperelastic.plots.rows import heights, joined, row_panels, write
 from pymc_hyperelastic.plots.style import (
-    DOUBT,
     MARKERS,
     Backend,
     Canvas,
     Visuals,
     check_table,
     rounded_probability,
-    stacked,
     training_attrs,
+    with_margin,
 )
 from pymc_hyperelastic.rounding import rounded
 
@@ -31,9 +30,6 @@ if TYPE_CHECKING:
 _PANELS = ("probability", "log_evidence")
 _NEEDED = ("log_evidence", "log_evidence_se", "probability", "probability_se")
 _ORIGIN = "ph.classify(..., average_over=...)"
-_WIDEST = 26  # letters of a line of a law's name
-_OF_DIFFERENCES = 0.1  # nats: exact differences of log evidences have two decimals
-_LINE = 0.17  # inches that such a line is high
 
 
 @one_thread
@@ -112,7 +108,7 @@ def plot_law_probability(
     '>0.999'
     """
     table, attrs = _table(result)
-    labels = [fill(label, _WIDEST) for label in table["strain_energy"].values.tolist()]
+    labels = [fill(label, 26) for label in table["strain_energy"].values.tolist()]
     classes = table.sizes["class_label"] if "class_probability" in table else 0
     lines = max(1 + classes, *(label.count("\n") + 1 for label in labels))
     names = ["value", *(["class_probability"] if classes else [])]
@@ -124,15 +120,13 @@ def plot_law_probability(
         "bar points error number class_points class_error xlabel legend",
         (backend, visuals, pc_kwargs),
         labels,
-        0.15 + _LINE * lines,
+        0.15 + 0.17 * lines,
         aes={"color": [by], "marker": [by], "overlay": ["strain_energy"]},
         marker=MARKERS,
     )
     limits = _limits(table)
-    for panel, ends in limits.items():
-        canvas.adjust("set_xlim", limits=ends, coords={"panel": panel})
-    ticks = {"values": [0, 0.5, 1], "labels": ["0", "0.5", "1"]}
-    canvas.adjust("set_xticks", **ticks, coords={"panel": "probability"})
+    canvas.adjust("set_xlim", limits=limits[1], coords={"panel": "log_evidence"})
+    canvas.end_at_0_and_1(coords={"panel": "probability"})
     # The bar of a law is above the markers of its classes.
     places = np.linspace(0.26, -0.28, 1 + classes) if classes else np.zeros(1)
     rows = heights("strain_energy", len(labels))
@@ -182,20 +176,18 @@ def _table(result: Any) -> tuple[xr.Dataset, list[Mapping[Any, Any]]]:
     return drawn.assign_coords(panel=list(_PANELS)).isel(strain_energy=order), attrs
 
 
-def _limits(table: xr.Dataset) -> dict[str, tuple[float, float]]:
+def _limits(table: xr.Dataset) -> list[tuple[float, float]]:
     """Ends of the axis of each panel."""
     difference, error = (table[name].sel(panel="log_evidence") for name in ("value", "error"))
     ends = np.array([difference - error, difference + error])
     shown = [-1.0, 0.0, *ends[np.isfinite(ends)].tolist()]
-    low, high = min(shown), max(shown)
-    margin = 0.05 * (high - low)
-    return {"probability": (0.0, 1.0), "log_evidence": (low - margin, high + margin)}
+    return [(0.0, 1.0), with_margin(min(shown), max(shown))]
 
 
 def _draw_laws(
     canvas: Canvas,
     table: xr.Dataset,
-    limits: Mapping[str, tuple[float, float]],
+    limits: Sequence[tuple[float, float]],
     rows: xr.DataArray,
     above: float,
 ) -> None:
@@ -205,27 +197,24 @@ def _draw_laws(
     plain: dict[str, Any] = {"ignore_aes": {"color", "marker"}, "color": "0.1"}
     chance, difference = (value.where(value["panel"] == panel) for panel in _PANELS)
     bar = plain | {"color": "0.65", "width": 9 if above == 0 else 6, "solid_capstyle": "butt"}
-    draw_lines(canvas, "bar", (xr.zeros_like(chance), chance), y, **bar)
-    low, high = (
-        xr.where(end["panel"] == "probability", end.clip(0, 1), end)
-        for end in (value - error, value + error)
-    )
-    draw_lines(canvas, "error", (low, high), y, **plain)
-    draw_points(canvas, "points", difference, y, **plain)
-    right = [high + 0.03 * (high - low) for low, high in limits.values()]
-    beside = xr.DataArray(right, {"panel": list(limits)}, "panel").broadcast_like(value)
+    canvas.draw_xy("bar", "line_xy", joined(xr.zeros_like(chance), chance), y, **bar)
+    ends = joined(value - error, value + error)
+    ends = xr.where(ends["panel"] == "probability", ends.clip(0, 1), ends)
+    canvas.draw_xy("error", "line_xy", ends, y, width=1.3, **plain)
+    canvas.draw_xy("points", "scatter_xy", difference, y, size=22, **plain)
+    right = [high + 0.03 * (high - low) for low, high in limits]
+    beside = xr.DataArray(right, {"panel": list(_PANELS)}, "panel").broadcast_like(value)
     text = xr.apply_ufunc(_number, value, error, table["known"], value["panel"], vectorize=True)
-    written = {"data": stacked("law", x=beside, y=y), "text": text, "known": table["known"]}
-    canvas.draw("number", _write, **written, ignore_aes={"color", "marker"}, size=9)
+    write(canvas, "number", (beside, y), text, table["known"], ignore_aes={"color", "marker"})
 
 
 def _draw_classes(canvas: Canvas, table: xr.Dataset, y: xr.DataArray) -> None:
     """Draw the probabilities by one class alone, and the legend."""
     value, error = (table[f"class_probability{end}"] for end in ("", "_se"))
     here: dict[str, Any] = {"coords": {"panel": "probability"}}
-    ends = (value - error).clip(0, 1), (value + error).clip(0, 1)
-    draw_lines(canvas, "class_error", ends, y, width=1.0, ignore_aes={"marker"}, **here)
-    draw_points(canvas, "class_points", value, y, size=18, clip_on=False, **here)
+    ends = joined(value - error, value + error).clip(0, 1)
+    canvas.draw_xy("class_error", "line_xy", ends, y, width=1.0, ignore_aes={"marker"}, **here)
+    canvas.draw_xy("class_points", "scatter_xy", value, y, size=18, clip_on=False, **here)
     entries: dict[str, dict[str, Any]] = {"by all classes": {"color": "0.65", "linewidth": 6}}
     marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
     canvas.legend(entries | canvas.entries("class_label", "by class ", "color", "marker", **marks))
@@ -239,11 +228,4 @@ def _number(value: float, error: float, known: bool, panel: str) -> str:
         return rounded_probability(value, error)
     if error:
         return " ± ".join(rounded([value, error], error))
-    return rounded([value], _OF_DIFFERENCES)[0]
-
-
-def _write(da: xr.DataArray, target: Any, *, text: Any, known: Any, **settings: Any) -> Any:
-    from arviz_plots.visuals import annotate_xy
-
-    settings = {"color": "0.1" if known.item() else DOUBT, "vertical_align": "center"} | settings
-    return annotate_xy(da, target, text=text.item(), horizontal_align="left", **settings)
+    return rounded([value], 0.1)[0]  # exact differences have two decimals

@@ -11,30 +11,21 @@ import xarray as xr
 from pymc_hyperelastic.evidence.stored import damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.labels import axis_label
-from pymc_hyperelastic.plots.rows import draw_lines, draw_points, heights, row_ticks
+from pymc_hyperelastic.plots.rows import heights, joined, row_ticks, write
 from pymc_hyperelastic.plots.style import (
-    DOUBT,
     Backend,
     Canvas,
     Visuals,
     check_table,
-    literal,
+    inches_of,
     rounded_probability,
-    stacked,
 )
 from pymc_hyperelastic.rounding import DIGITS
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_WIDTHS = {"probability": 2.6, "p_value": 1.2}  # inches of the panels
-_LETTER = 0.08  # inches of a letter of the names and decisions beside the panels
-# Inches of a row: for each class, and between rows.
-_BAR_HEIGHT, _BETWEEN = 0.09, 0.1
-_FILLED = 0.4  # part of a row above and below its middle that bars fill
-# Places on the axis of probabilities: the mark of the true class, and the words.
-_TRUE, _WORDS = 1.035, 1.08
-_STRONG, _WEAK = 0.75, 0.25  # opacity of bars: of a decision for a class, and of other answers
+_PANELS = ("probability", "p_value")
 
 
 @one_thread
@@ -112,11 +103,10 @@ def plot_class_probability(
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
     table = _table(results, *labels[0])
-    panels = [name for name in _WIDTHS if name in table]
-    widths = [_WIDTHS[panel] for panel in panels]
-    letters = [max(map(len, texts)) for texts in (headings, table["words"].values.ravel())]
-    width = sum(widths) + _LETTER * sum(letters) + 0.3
-    of_row = _BAR_HEIGHT * len(classes) + _BETWEEN
+    panels = [name for name in _PANELS if name in table]
+    widths = [2.6, 1.2][: len(panels)]
+    width = sum(widths) + inches_of(headings) + inches_of(table["words"].values.ravel()) + 0.3
+    of_row = 0.09 * len(classes) + 0.1
     height = of_row * (len(headings) + 0.2) + 1.35
     drawn = table["probability"].fillna(0.0).expand_dims(panel=panels)
     canvas = Canvas(
@@ -131,24 +121,22 @@ def plot_class_probability(
         aes={"color": ["class_label"], "overlay": [row, "class_label"]},
     )
     rows = heights(row, len(headings))
-    places = np.linspace(_FILLED, -_FILLED, 2 * len(classes) + 1)[1::2]
-    y = rows + xr.DataArray(places, dims="class_label")
-    # A bar fills its part of the row; 72 points are an inch.
-    _draw_bars(canvas, table, y, 72 * of_row * 2 * _FILLED / len(classes))
-    _draw_decisions(canvas, table, rows)
+    # The bars of a row fill 0.8 of it; 72 points are an inch.
+    places = 0.4 - 0.8 * (np.arange(len(classes)) + 0.5) / len(classes)
+    _draw_bars(canvas, table, rows + xr.DataArray(places, dims="class_label"), 72 * 0.8 * of_row)
+    x = xr.full_like(table["decided"], 1.08, dtype=float)
+    where: dict[str, Any] = {"coords": {"panel": "probability"}, "ignore_aes": {"color"}}
+    write(canvas, "decision", (x, rows), table["words"], table["decided"], **where)
     entries = _legend_of(table) | _draw_limits(canvas, table, limits)
-    for model in results:
+    canvas.end_at_0_and_1()
+    for panel in panels:
+        canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
+    for model in results if several else ():
         law = model or read_text(results[model], "strain_energy", None)
-        for panel in panels:
-            where: dict[str, Any] = {"coords": {"model": model, "panel": panel}}
-            canvas.adjust("set_xlim", limits=(0, 1), **where)
-            ticks = {"values": [0, 0.5, 1], "labels": ["0", "0.5", "1"]}
-            canvas.adjust("set_xticks", **ticks, **where)
-            canvas.label("xlabel", axis_label(panel), **where)
-        if several and law:
+        if law:
             canvas.label("title", law, size="medium", coords={"model": model, "panel": panels[0]})
     row_ticks(canvas, headings)
-    of_classes = canvas.entries("class_label", "", "color", linewidth=6, alpha=_STRONG)
+    of_classes = canvas.entries("class_label", "", "color", linewidth=6, alpha=0.75)
     canvas.legend(of_classes | entries)
     laws = None if several else read_text(results[""], "strain_energy", None)
     canvas.title([r.attrs for r in results.values()], laws, "class probabilities")
@@ -160,9 +148,9 @@ def plot_class_probability(
 
 def _with_errors(result: Any) -> Any:
     """Return the result with errors of 0 if it states none, as cross-validation does."""
-    if isinstance(result, xr.Dataset) and "class_probability" in result:
-        known = {"class_probability_se": xr.zeros_like(result["class_probability"])}
-        return result.assign(known | {k: result[k] for k in known if k in result})
+    names = ("class_probability", "class_probability_se")
+    if isinstance(result, xr.Dataset) and [name in result for name in names] == [True, False]:
+        return result.assign(class_probability_se=xr.zeros_like(result["class_probability"]))
     return result
 
 
@@ -210,42 +198,26 @@ def _words_of(result: xr.Dataset, row: str) -> list[tuple[bool, str]]:
     return rows
 
 
-def _draw_bars(canvas: Canvas, table: xr.Dataset, y: xr.DataArray, width: float) -> None:
+def _draw_bars(canvas: Canvas, table: xr.Dataset, y: xr.DataArray, row_width: float) -> None:
     """Draw bars with their errors, the marks of true classes, and p-values."""
     here: dict[str, Any] = {"coords": {"panel": "probability"}}
     probability, error = table["probability"], table["error"]
-    bar = {"width": width, "solid_capstyle": "butt", **here}
+    bar = {"width": row_width / y.sizes["class_label"], "solid_capstyle": "butt", **here}
     for name, chosen, alpha in (
-        ("bar", table["decided"], _STRONG),
-        ("doubtful", ~table["decided"], _WEAK),
+        ("bar", table["decided"], 0.75),
+        ("doubtful", ~table["decided"], 0.25),
     ):
         own = probability.where(chosen)
-        draw_lines(canvas, name, (0 * own, own), y, alpha=alpha, **bar)
-    ends = (probability - error).clip(0, 1), (probability + error).clip(0, 1)
+        canvas.draw_xy(name, "line_xy", joined(0 * own, own), y, alpha=alpha, **bar)
+    ends = joined(probability - error, probability + error).clip(0, 1).where(error > 0)
     plain: dict[str, Any] = {"color": "0.1", "ignore_aes": {"color"}, **here}
-    draw_lines(canvas, "error", tuple(e.where(error > 0) for e in ends), y, width=1.2, **plain)
-    beside = (_TRUE * table["true"]).broadcast_like(probability)
-    draw_points(canvas, "true", beside, y, marker="<", size=20, clip_on=False, **here)
+    canvas.draw_xy("error", "line_xy", ends, y, width=1.2, **plain)
+    mark: dict[str, Any] = {"function": "scatter_xy", "clip_on": False}
+    beside = (1.035 * table["true"]).broadcast_like(probability)
+    canvas.draw_xy("true", x=beside, y=y, marker="<", size=20, **mark, **here)
     if "p_value" in table:
-        own = {"coords": {"panel": "p_value"}, "marker": "d", "size": 16, "clip_on": False}
-        draw_points(canvas, "p_value", table["p_value"], y, **own)
-
-
-def _draw_decisions(canvas: Canvas, table: xr.Dataset, rows: xr.DataArray) -> None:
-    """Write the decision of each row beside its bars."""
-    x = xr.full_like(table["decided"], _WORDS, dtype=float)
-    content = {"text": table["words"], "decided": table["decided"]}
-    where: dict[str, Any] = {"coords": {"panel": "probability"}, "ignore_aes": {"color"}}
-    canvas.draw("decision", _write, data=stacked("classes", x=x, y=rows), **content, **where)
-
-
-def _write(da: xr.DataArray, target: Any, *, text: Any, decided: Any, **settings: Any) -> Any:
-    from arviz_plots.visuals import annotate_xy
-
-    colour = "0.1" if decided.item() else DOUBT
-    settings = {"color": colour, "vertical_align": "center", "size": 9} | settings
-    words = literal(text.item())
-    return annotate_xy(da, target, text=words, horizontal_align="left", **settings)
+        own = {"coords": {"panel": "p_value"}, "marker": "d", "size": 16}
+        canvas.draw_xy("p_value", x=table["p_value"], y=y, **mark, **own)
 
 
 def _legend_of(table: xr.Dataset) -> dict[str, dict[str, Any]]:
@@ -266,8 +238,7 @@ def _draw_limits(
 ) -> dict[str, dict[str, Any]]:
     """Draw the limits of the decision; return their legend entries."""
     entries: dict[str, dict[str, Any]] = {}
-    panels = ("probability", "p_value")
-    for panel, style, (name, limit) in zip(panels, (":", "--"), limits.items(), strict=True):
+    for panel, style, (name, limit) in zip(_PANELS, (":", "--"), limits.items(), strict=True):
         if limit and panel in table:
             line = {"color": "0.3", "linestyle": style}
             level = xr.full_like(table["model"], limit, dtype=float).to_dataset(name="classes")

@@ -23,15 +23,8 @@ from pymc_hyperelastic.plots.curves import (
     looks_of,
 )
 from pymc_hyperelastic.plots.labels import LABELS, axis_label
-from pymc_hyperelastic.plots.style import (
-    Backend,
-    Canvas,
-    Visuals,
-    Wishes,
-    fitted_classes,
-    law_of,
-    training_attrs,
-)
+from pymc_hyperelastic.plots.panels import columns_of, size_of
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, Wishes, fitted_classes
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -40,7 +33,7 @@ from pymc_hyperelastic.predictions.stress import wall_stress
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# Shown unless others are asked for.
+# Quantities over the pressure; the first ones are shown unless others are asked for.
 _OF_THE_CURVE = (
     "compliance",
     "distensibility",
@@ -48,17 +41,14 @@ _OF_THE_CURVE = (
     "incremental_modulus",
     "pulse_wave_velocity",
 )
-PROPERTY_LABELS = {
-    name: axis_label(name)
-    for name in (
-        *_OF_THE_CURVE,
-        "circumferential_stress",
-        "axial_stress",
-        "circumferential_material_stiffness",
-        "axial_material_stiffness",
-        "stored_energy",
-    )
-}
+_KNOWN = (
+    *_OF_THE_CURVE,
+    "circumferential_stress",
+    "axial_stress",
+    "circumferential_material_stiffness",
+    "axial_material_stiffness",
+    "stored_energy",
+)
 _STRESSES = ("sigma_rr", "sigma_tt", "sigma_zz")
 
 
@@ -125,9 +115,9 @@ def plot_elastic_properties(
     ['compliance', 'distensibility']
     """
     names = list(var_names)
-    unknown = [name for name in names if name not in PROPERTY_LABELS]
+    unknown = [name for name in names if name not in _KNOWN]
     if unknown or not names or isinstance(var_names, str):
-        raise ValueError(f"var_names must be a list of {list(PROPERTY_LABELS)}; got {var_names!r}")
+        raise ValueError(f"var_names must be a list of {list(_KNOWN)}; got {var_names!r}")
     fitted = fitted_classes(classes)
     at = _conditions(at, pc_kwargs)
     tables = {
@@ -154,9 +144,9 @@ def draw_over_pressure(
     """Draw bands of each class over the pressure, a panel for each quantity."""
     bands = gathered(curves, {"class_label": classes}, BAND)
     names = list(map(str, bands.data_vars))
-    columns = min(len(names), 3)
-    size = (3 * columns + 0.2, 2.6 * -(-len(names) // columns) + 0.5)
+    columns = columns_of(len(names), 3)
     looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
+    size = size_of(len(names), columns)
     canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
     entries = canvas.entries("class_label", "class ", "color", "linestyle")
     canvas.legend(entries | draw_bands(canvas, bands, ci_prob))
@@ -234,9 +224,8 @@ def plot_wall_stress(
         for i, level in enumerate(levels):
             labels, x = (of_class, level), table["position"].values
             curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, ci_prob)
-    bands = gathered(
-        curves, {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}, BAND
-    )
+    coords = {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}
+    bands = gathered(curves, coords, BAND)
     size, share = (8.2, 2.5 * len(fitted) + 0.8), {"sharex": True, "sharey": "col"}
     layout = looks_of("pressure") | {"rows": ["class_label"], "cols": ["__variable__"]}
     wishes = backend, visuals, pc_kwargs
@@ -275,9 +264,8 @@ def _bands(
 ) -> list[Curve]:
     """Bands of quantities of a table; without data, no pressure is marked as extrapolated."""
     beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
-    return [
-        Curve(name, labels, band_rows(x, table[name].values, ci_prob, beyond)) for name in names
-    ]
+    draws = {name: table[name].values for name in names}
+    return [Curve(n, labels, band_rows(x, values, ci_prob, beyond)) for n, values in draws.items()]
 
 
 def _title(
@@ -290,5 +278,4 @@ def _title(
     """Name the law, the specimen, the pressure if there is one, and the data."""
     specimen = next(iter(tables.values())).attrs.get("specimen")
     whose = f"{specimen} specimen" if specimen == TYPICAL else specimen and f"specimen {specimen}"
-    law = law_of(next(iter(fitted.values())), energy)
-    canvas.title(training_attrs(fitted), law, whose, pressure)
+    canvas.title_of_fits(fitted, energy, whose, pressure)

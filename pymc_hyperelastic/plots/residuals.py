@@ -7,6 +7,7 @@ shifts pressure and force by the slope of their curves, to first order, see
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +20,6 @@ from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.plots.curves import Array
 from pymc_hyperelastic.predictions.draws import Draws
 from pymc_hyperelastic.predictions.sheets import SheetDraws
-
-# Relative step of the central difference of a force: its error is about the step squared.
-_STEP = 1e-4
 
 
 class Points(NamedTuple):
@@ -116,6 +114,11 @@ def _force_sd(points: Points, errors: Errors) -> Any:
     radius_sd = _radius_sd(errors)
     if not np.any(radius_sd):
         return errors.force_sd
-    step = _STEP * points.radius
-    low, high = (points.tube.axial_force(points.radius + s) for s in (-step, step))
-    return np.hypot(errors.force_sd, radius_sd * (high - low) / (2 * step))
+    slope = slope_of(points.tube.axial_force, points.radius)
+    return np.hypot(errors.force_sd, radius_sd * slope)
+
+
+def slope_of(curve: Callable[[Array], Array], x: Array) -> Array:
+    """Return the slope of a curve at `x` as a central difference."""
+    step = 1e-4 * x  # the relative error of the slope is about the square of this relative step
+    return (curve(x + step) - curve(x - step)) / (2 * step)

@@ -1,4 +1,4 @@
-"""Draw rows of points with intervals: laws, groups or planned tests by two measures."""
+"""Rows of points with intervals: laws, groups or planned tests by two measures."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.plots.labels import axis_label
-from pymc_hyperelastic.plots.style import Canvas, Wishes, few_ticks, literal, set_yticks, stacked
-
-_MARGIN = 0.6  # from the first and the last row to the ends of the axis, in rows
+from pymc_hyperelastic.plots.style import DOUBT, Canvas, Wishes, inches_of, literal
 
 
 def row_panels(
@@ -20,13 +18,12 @@ def row_panels(
 
     The first row is on top, at height 0; the others are at -1, -2 and so on.
     """
-    longest = max(len(line) for label in labels for line in label.splitlines())
-    size = (6.6 + 0.075 * longest, inches * len(labels) + 1.4)
+    size = (6.6 + inches_of(labels), inches * len(labels) + 1.4)
     layout = {"cols": ["panel"], "col_wrap": 2} | settings
     canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
     panels = [str(name) for name in data["panel"].values]
     row_ticks(canvas, labels, coords={"panel": panels[0]})
-    canvas.adjust(few_ticks, intervals=5)
+    canvas.few_xticks(5)
     for panel in panels:
         canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
     return canvas
@@ -34,9 +31,8 @@ def row_panels(
 
 def row_ticks(canvas: Canvas, labels: list[str], **where: Any) -> None:
     """Name the rows on the vertical axis of panels, and leave room for the first and the last."""
-    canvas.adjust("set_ylim", limits=(_MARGIN - len(labels), _MARGIN))
-    rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
-    canvas.adjust(set_yticks, **rows, **where)
+    canvas.adjust("set_ylim", limits=(0.6 - len(labels), 0.6))
+    canvas.set_yticks([-i for i in range(len(labels))], [*map(literal, labels)], **where)
 
 
 def heights(dim: str, count: int) -> xr.DataArray:
@@ -44,29 +40,27 @@ def heights(dim: str, count: int) -> xr.DataArray:
     return xr.DataArray(-np.arange(float(count)), dims=dim)
 
 
-def draw_points(
-    canvas: Canvas, name: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
-) -> None:
-    """Draw a visual of points, where `x` is not NaN."""
-    data = stacked(*canvas.collection.data.data_vars, x=x, y=y.where(x.notnull()))
-    canvas.draw(name, "scatter_xy", data=data, **{"size": 22} | settings)
+def joined(*ends: xr.DataArray) -> xr.DataArray:
+    """Ends of lines, along dimension ``end``."""
+    return xr.concat(ends, dim="end", coords="minimal", compat="override")
 
 
-def draw_lines(
+def write(
     canvas: Canvas,
     name: str,
-    ends: tuple[xr.DataArray, xr.DataArray],
-    y: xr.DataArray,
+    places: tuple[xr.DataArray, xr.DataArray],
+    text: xr.DataArray,
+    known: xr.DataArray,
     **settings: Any,
 ) -> None:
-    """Draw a visual of horizontal lines between two ends, where these are not NaN."""
-    x = xr.concat(ends, dim="end", coords="minimal", compat="override")
-    data = stacked(*canvas.collection.data.data_vars, x=x, y=y.where(x.notnull()))
-    canvas.draw(name, "line_xy", data=data, **{"width": 1.3} | settings)
+    """Write texts on the right of some places, in another colour where no answer is known."""
 
+    def annotate(da: xr.DataArray, target: Any, text: Any, known: Any, **settings: Any) -> Any:
+        from arviz_plots.visuals import annotate_xy
 
-def draw_verticals(canvas: Canvas, name: str, x: dict[str, float]) -> None:
-    """Draw a grey line across all rows of each panel, unless its place is NaN."""
-    (variable,) = canvas.collection.data.data_vars
-    places = xr.DataArray(list(x.values()), {"panel": list(x)}, "panel").to_dataset(name=variable)
-    canvas.draw(name, "vline", data=places, ignore_aes="all", color="0.6", width=0.8)
+        settings = {"color": "0.1" if known.item() else DOUBT} | settings
+        return annotate_xy(da, target, text=literal(text.item()), **settings)
+
+    align: dict[str, Any] = {"horizontal_align": "left", "vertical_align": "center", "size": 9}
+    content = {"function": annotate, "text": text, "known": known}
+    canvas.draw_xy(name, x=places[0], y=places[1], **content, **align, **settings)

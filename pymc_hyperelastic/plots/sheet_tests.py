@@ -12,14 +12,15 @@ from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.data.sheets import sheets_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import POINTS, Curve, gathered
-from pymc_hyperelastic.plots.inflation import thinned
+from pymc_hyperelastic.plots.inflation import panels_of_tests, thinned
 from pymc_hyperelastic.plots.labels import axis_label, words
+from pymc_hyperelastic.plots.panels import MOST_PANELS, evenly
 from pymc_hyperelastic.plots.stretches import AXIS, sheet_curves, stress_label
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     Backend,
-    Canvas,
     Visuals,
+    check_choice,
     many_looks,
     per_kilopascal,
 )
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
 _GROUPINGS = ("experiment", "specimen", "group")
-# Panels of a figure, and those side by side.
-_MOST_PANELS, _COLUMNS = 24, 3
-# Margin at both ends of a horizontal axis, as a fraction of its length.
-_MARGIN = 0.04
 
 
 @one_thread
@@ -89,9 +86,7 @@ def plot_sheet_tests(
     ['uniaxial', 'equibiaxial', 'pure shear']
     """
     check_data(data)
-    if group_by not in (*_GROUPINGS, None):
-        names = ", ".join(_GROUPINGS)
-        raise ValueError(f"group_by must be one of {names} or None, not {group_by!r}")
+    check_choice("group_by", group_by, (*_GROUPINGS, None))
     sheets = sheets_of(data)
     if sheets is None:
         raise ValueError("the data hold no tests of sheets: tubes are shown by ph.plot_inflation")
@@ -108,10 +103,10 @@ def plot_sheet_tests(
         place = (*(labels[name][of.test] for name in dims), of.axis)
         curves.append(Curve("stress", place, rows))
     figure = gathered(curves, coords, POINTS)
-    canvas = _canvas(figure, group_by, finer, (backend, visuals, pc_kwargs))
-    canvas.draw("line", "line_xy", width=0.8, alpha=0.7, ignore_aes={"marker"})
-    canvas.draw("points", "scatter_xy", size=10, width=0.8, ignore_aes={"linestyle"})
-    _label(canvas, figure, group_by, axis_label(stress_label([sheets]), stress_unit))
+    axes = {"stress": (axis_label("stretch"), axis_label(stress_label([sheets]), stress_unit))}
+    title = "" if group_by in ("experiment", None) else f"{words(group_by)} "
+    wishes, looks = (backend, visuals, pc_kwargs), _looks_of(finer)
+    canvas = panels_of_tests(figure, (group_by, title), axes, wishes, looks)
     entries: dict[str, dict[str, Any]] = {}
     if len({of.labels[-1] for of in curves}) > 1:
         entries |= canvas.entries(AXIS, f"{words(AXIS)} ", "color", marker="o", markersize=4)
@@ -127,11 +122,10 @@ def _chosen(sheets: xr.Dataset, group_by: str | None) -> tuple[xr.Dataset, str |
     """Choose tests that one figure can show, evenly from all, and say how many they are."""
     chosen, note = thinned(sheets)
     names = list(dict.fromkeys(chosen[group_by].values.tolist())) if group_by else []
-    if len(names) > _MOST_PANELS:
-        places = np.linspace(0, len(names) - 1, _MOST_PANELS).round().astype(int)
-        kept = np.isin(chosen[group_by].values, [names[i] for i in places])
+    if len(names) > MOST_PANELS:
+        kept = np.isin(chosen[group_by].values, [names[i] for i in evenly(len(names), MOST_PANELS)])
         chosen = tests_at(chosen, np.flatnonzero(kept))
-        note = f"{_MOST_PANELS} of {len(names)} {group_by}s"
+        note = f"{MOST_PANELS} of {len(names)} {group_by}s"
     return chosen, note
 
 
@@ -145,44 +139,9 @@ def _label_in_panels(labels: dict[str, list[str]], group_by: str | None) -> str 
     return None
 
 
-def _canvas(figure: xr.Dataset, group_by: str | None, finer: str | None, wishes: Any) -> Canvas:
-    """Panels side by side, whose stresses share an axis."""
-    count = figure.sizes[group_by] if group_by else 1
-    columns, rows = min(count, _COLUMNS), -(-count // _COLUMNS)
-    aes = {"color": [AXIS], "overlay": [*([finer] if finer else []), "curve"]}
-    looks: dict[str, Any] = {"marker": MARKERS[:1], "linestyle": ["-"]}
-    if finer:
-        looks = {name: many_looks()[name] for name in ("marker", "linestyle")}
-        looks["marker"] = MARKERS * len(MARKERS)
-        aes |= {"marker": [finer], "linestyle": [finer]}
-    return Canvas(
-        "wrap",
-        figure,
-        "line points xlabel ylabel title legend",
-        wishes,
-        (max(3 * columns + 0.2, 4.4), 2.9 * rows + 0.5),
-        {"sharey": "all"},
-        aes=aes,
-        cols=[group_by] if group_by else [],
-        col_wrap=_COLUMNS,
-        **(looks if finer else {}),
-    )
-
-
-def _label(canvas: Canvas, figure: xr.Dataset, group_by: str | None, vertical: str) -> None:
-    """Label and limit the panels."""
-    names = figure[group_by].values.tolist() if group_by else [None]
-    for i, name in enumerate(names):
-        here = {group_by: name} if group_by else {}
-        own = figure.sel(here, drop=True)
-        panel = {"data": own, "coords": here}
-        x = own["stress"].sel(plot_axis="x")
-        low, high = float(x.min()), float(x.max())
-        margin = _MARGIN * (high - low)
-        canvas.adjust("set_xlim", limits=(low - margin, high + margin), **panel)
-        canvas.label("xlabel", axis_label("stretch"), **panel)
-        if i % _COLUMNS == 0:
-            canvas.label("ylabel", vertical, **panel)
-        if len(names) > 1:
-            title = name if group_by == "experiment" else f"{words(str(group_by))} {name}"
-            canvas.label("title", title, size="medium", **panel)
+def _looks_of(finer: str | None) -> dict[str, Any]:
+    """Colours of the axes of stresses, and markers and line styles of tests."""
+    if finer is None:
+        return {"aes": {"color": [AXIS], "overlay": ["curve"]}}
+    aes = {"color": [AXIS], "marker": [finer], "linestyle": [finer], "overlay": [finer, "curve"]}
+    return many_looks() | {"marker": MARKERS * len(MARKERS), "aes": aes}

@@ -18,10 +18,8 @@ from pymc_hyperelastic.plots.style import (
     fitted_classes,
     law_of,
     literal,
-    log_axis,
-    set_yticks,
     stacked,
-    training_attrs,
+    with_margin,
 )
 
 if TYPE_CHECKING:
@@ -29,14 +27,6 @@ if TYPE_CHECKING:
 
     from pymc_hyperelastic.predictions.conditions import Conditions
 
-_ROW = 0.27  # inches of a row
-_GAP = 0.6  # rows between two classes
-# Heights above and below the middle of a row: the curves alone, and those with the class.
-_ALONE, _OWN = 0.2, -0.1
-_EDGE = 0.5  # rows from the outermost specimens of a class to the ends of its band
-# How far intervals of curves alone widen the axis at most, as a part of the range of all others.
-_BEYOND = 0.4
-_MARGIN = 0.03  # between the outermost value and the end of the axis, as a part of the range
 _DARK, _PALE = "0.1", "0.6"
 
 
@@ -110,35 +100,28 @@ def plot_specimens(
         table[["alone"]].rename(alone="specimens").isel(point=1).fillna(0.0),
         "new alone_interval alone interval specimens typical_interval typical xlabel legend",
         (backend, visuals, pc_kwargs),
-        (6.2, _ROW * (max(ticks["values"]) - min(ticks["values"]) + 1) + 1.2),
+        (6.2, 0.27 * (max(ticks["values"]) - min(ticks["values"]) + 1) + 1.2),
         {},
         aes={"color": ["class_label"], "overlay": ["class_label", "specimen"]},
     )
     _draw(canvas, table, heights)
-    canvas.adjust(set_yticks, **ticks)
-    canvas.adjust("set_ylim", limits=(min(ticks["values"]) - _EDGE, _EDGE))
+    canvas.set_yticks(**ticks)
+    canvas.adjust("set_ylim", limits=(min(ticks["values"]) - 0.5, 0.5))
     ends = _limits(table)
-    if 0 < LOG_FROM * ends[0] < ends[1]:
-        canvas.adjust(log_axis, ends=ends, axis="x")
-    canvas.adjust("set_xlim", limits=ends)
-    law = law_of(next(iter(fitted.values())))
+    canvas.limit("x", ends, log=0 < LOG_FROM * ends[0] < ends[1])
+    law = law_of(next(iter(fitted.values())), None)
     canvas.label("xlabel", quantity_label(quantity, law))
     point = {"marker": "o", "markersize": 4}
-    canvas.legend(
-        {
-            "by its own curves": point | {"color": _PALE, "linewidth": 0.9},
-            "with its class": point | {"color": _DARK, "linewidth": 1.5},
-            f"{100 * ci_prob:.3g} % of new specimens": {
-                "color": _PALE,
-                "linewidth": 6,
-                "alpha": 0.4,
-            },
-        }
-    )
+    entries = {
+        "by its own curves": point | {"color": _PALE, "linewidth": 0.9},
+        "with its class": point | {"color": _DARK, "linewidth": 1.5},
+    }
+    band = {"color": _PALE, "linewidth": 6, "alpha": 0.4}
+    canvas.legend(entries | {f"{100 * ci_prob:.3g} % of new specimens": band})
     pressure, unit = table.attrs["pressure"], table.attrs["pressure_unit"]
     where = f"at {pressure:.4g} {unit}" if pressure else None
     held = f"median and {100 * ci_prob:.3g} % of the posterior"
-    canvas.title(training_attrs(fitted), law, where, held)
+    canvas.title_of_fits(fitted, None, where, held)
     return canvas.collection
 
 
@@ -147,7 +130,8 @@ def _heights(table: xr.Dataset) -> tuple[xr.Dataset, dict[str, list]]:
     measured = table["alone"].notnull().any("point") | table["own"].notnull().any("point")
     rows = measured.cumsum("specimen").where(measured) - 1
     count = measured.sum("specimen")
-    above = count.cumsum() - count + (1 + _GAP) * np.arange(count.size)
+    # Each class has one more row, and a gap below it.
+    above = count.cumsum() - count + 1.6 * np.arange(count.size)
     rows, typical = -(rows + above), -(count + above)
     labels: dict[float, str] = {}
     for label in table["class_label"].values.tolist():
@@ -162,30 +146,28 @@ def _heights(table: xr.Dataset) -> tuple[xr.Dataset, dict[str, list]]:
 
 def _draw(canvas: Canvas, table: xr.Dataset, heights: xr.Dataset) -> None:
     """Draw bands, specimens by themselves, specimens with their class, and typical specimens."""
-    ends, y = table.isel(point=[0, 2]), heights["rows"]
-    bottom, top = heights["typical"] - _EDGE, heights["top"] + _EDGE
-    band = _stacked(x=ends["new"], y_bottom=bottom, y_top=top).rename(plot_axis="kwarg")
+    ends, middle = table.isel(point=[0, 2]), table.isel(point=1)
+    bottom, top = heights["typical"] - 0.5, heights["top"] + 0.5
+    band = stacked("specimens", x=ends["new"], y_bottom=bottom, y_top=top).rename(plot_axis="kwarg")
     canvas.draw("new", "fill_between_y", data=band, alpha=0.15, linewidth=0, ignore_aes={"overlay"})
     plain: dict[str, Any] = {"color": _PALE, "ignore_aes": {"color"}}
-    line, point = _stacked(x=ends["alone"], y=y + _ALONE), table["alone"].isel(point=1)
-    canvas.draw("alone_interval", "line_xy", data=line, width=0.9, **plain)
-    canvas.draw("alone", "scatter_xy", data=_stacked(x=point, y=y + _ALONE), size=8, **plain)
-    line, point = _stacked(x=ends["own"], y=y + _OWN), table["own"].isel(point=1)
-    canvas.draw("interval", "line_xy", data=line, width=1.5)
-    canvas.draw("specimens", "scatter_xy", data=_stacked(x=point, y=y + _OWN), size=18)
-    y, of_class = heights["typical"], {"ignore_aes": {"overlay"}}
-    line, point = _stacked(x=ends["typical"], y=y), table["typical"].isel(point=1)
-    canvas.draw("typical_interval", "line_xy", data=line, width=2.5, **of_class)
-    data = _stacked(x=point, y=y)
-    canvas.draw("typical", "scatter_xy", data=data, size=34, marker="s", **of_class)
-
-
-def _stacked(**arrays: xr.DataArray) -> xr.Dataset:
-    return stacked("specimens", **arrays)
+    of_class: dict[str, Any] = {"ignore_aes": {"overlay"}}
+    above, below = heights["rows"] + 0.2, heights["rows"] - 0.1
+    for line, points, column, y, width, size, settings in (
+        ("alone_interval", "alone", "alone", above, 0.9, 8, plain),
+        ("interval", "specimens", "own", below, 1.5, 18, {}),
+        ("typical_interval", "typical", "typical", heights["typical"], 2.5, 34, of_class),
+    ):
+        canvas.draw_xy(line, "line_xy", ends[column], y, width=width, **settings)
+        marker = {"marker": "s"} if column == "typical" else {}
+        canvas.draw_xy(points, "scatter_xy", middle[column], y, size=size, **marker, **settings)
 
 
 def _limits(table: xr.Dataset) -> tuple[float, float]:
-    """Ends of the horizontal axis, which cuts very wide intervals of curves alone."""
+    """Ends of the horizontal axis, which cuts very wide intervals of curves alone.
+
+    These widen the axis by two fifths of the range of all others on each side at most.
+    """
     with_class = np.concatenate([table[name].values.ravel() for name in ("own", "typical", "new")])
     ends = np.array([np.nanmin(with_class), np.nanmax(with_class)])
     by_log = 0 < LOG_FROM * ends[0] < ends[1]
@@ -193,8 +175,7 @@ def _limits(table: xr.Dataset) -> tuple[float, float]:
     ends, alone = forth(ends), table["alone"].values
     # The logarithm of a number that is not positive would be beyond all axes.
     alone = forth(np.maximum(alone, np.finfo(float).tiny) if by_log else alone)
-    widest = ends + _BEYOND * np.ptp(ends) * np.array([-1, 1])
+    widest = ends + 0.4 * np.ptp(ends) * np.array([-1, 1])
     low, high = np.clip([np.nanmin(alone), np.nanmax(alone)], *widest)
-    low, high = min(low, ends[0]), max(high, ends[1])
-    margin = _MARGIN * (high - low)
-    return float(back(low - margin)), float(back(high + margin))
+    low, high = with_margin(min(low, ends[0]), max(high, ends[1]))
+    return float(back(low)), float(back(high))

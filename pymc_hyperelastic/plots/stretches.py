@@ -14,8 +14,9 @@ from pymc_hyperelastic.plots.curves import Array
 
 #: Dimension of the labels "x" and "y" of curves.
 AXIS = "axis"
-# A stretch along an axis is held if its logarithm varies less than this part of the other one's.
-_HELD = 0.1
+# A quantity is held in a test if it varies less than this part of its size, or a stretch less than
+# this part of the other one. Machines control it to a few percent.
+HELD = 0.1
 
 
 class SheetCurve(NamedTuple):
@@ -51,7 +52,7 @@ def shown_axis(stretches: dict[str, Array], axis: str) -> str:
     for name in (axis, other):
         known = np.log(stretches[name][np.isfinite(stretches[name])])
         spans[name] = np.ptp(known) if known.size else 0.0
-    return axis if spans[axis] >= _HELD * spans[other] else other
+    return axis if spans[axis] >= HELD * spans[other] else other
 
 
 def names_of_tests(data: xr.Dataset) -> list[str]:

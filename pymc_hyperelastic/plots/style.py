@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
@@ -34,22 +33,8 @@ LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
 # Colour of words that replace an answer, such as "undecided": none of the palette.
 DOUBT = "#A00000"
-# Inches that figures leave for a legend below their panels.
-_BELOW = 0.35
-# Columns of a legend at most.
-_MOST_COLUMNS = 8
-# Letters of a line of a legend: as many fit into the narrowest figure.
-_LEGEND_WIDTH = 60
 # Ratio of the ends of an axis of positive numbers from which it is logarithmic.
 LOG_FROM = 10.0
-# Steps of the ticks of a logarithmic axis in each decade, from wide to narrow.
-_STEPS = [1], [1, 2, 5], [1, 1.5, 2, 3, 4, 5, 6, 8], np.arange(1, 10, 0.1), np.arange(1, 10, 0.02)
-# Steps of the ticks of a narrow axis: those of 0.25 would have numbers that are longer.
-_SHORT_STEPS = [1, 2, 5, 10]
-# Ticks of a logarithmic axis.
-_FEWEST_TICKS, _MOST_TICKS = 3, 7
-# Errors of probabilities below this are not printed: three decimals do not show them.
-_LEAST_ERROR = 0.0005
 
 
 class Canvas:
@@ -86,6 +71,7 @@ class Canvas:
         settings = {"color": PALETTE} | settings | given | {"figure_kwargs": figure}
         make = getattr(PlotCollection, layout) if isinstance(layout, str) else layout
         self.collection: PlotCollection = make(data, backend=backend, **settings)
+        self.backend = import_module(f"arviz_plots.backend.{backend}")
 
     def wanted(self, name: str, settings: dict[str, Any]) -> dict[str, Any] | None:
         """Settings of a visual, the user's before ours; None if it is to be left out."""
@@ -100,6 +86,15 @@ class Canvas:
         if wanted is not None:
             self.collection.map(_visual(function), name, **wanted)
 
+    def draw_xy(
+        self, name: str, function: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
+    ) -> None:
+        """Draw a visual of lines or points where both coordinates are known."""
+        (variable,) = self.collection.data.data_vars
+        self.draw(
+            name, function, data=stacked(str(variable), x=x, y=y.where(x.notnull())), **settings
+        )
+
     def label(self, name: str, text: str, **settings: Any) -> None:
         """Write ``xlabel``, ``ylabel`` or ``title`` of panels."""
         # Titles of panels are labels of the data, and those of axes hold symbols.
@@ -110,6 +105,44 @@ class Canvas:
     def adjust(self, function: str | Callable, **settings: Any) -> None:
         """Adjust panels, such as their limits."""
         self.collection.map(_visual(function), store_artist=False, ignore_aes="all", **settings)
+
+    def set_yticks(self, values: list[float], labels: list[str], **where: Any) -> None:
+        """Name places on vertical axes, which no visual of arviz_plots does."""
+        self.adjust(lambda da, target: self.backend.yticks(values, labels, target), **where)
+
+    def end_at_0_and_1(self, **where: Any) -> None:
+        """Let horizontal axes of probabilities end at 0 and 1."""
+        self.adjust("set_xlim", limits=(0, 1), **where)
+        self.adjust("set_xticks", values=[0, 0.5, 1], labels=["0", "0.5", "1"], **where)
+
+    def on_axes(self, change: Callable[[Any], object], **where: Any) -> None:
+        """Call a function of the axes of matplotlib, if it draws the figure."""
+        if self.collection.backend == "matplotlib":
+            self.adjust(lambda da, target: change(target), **where)
+
+    def few_xticks(self, intervals: int) -> None:
+        """Divide horizontal axes into few intervals, so that the numbers do not touch."""
+        # Matplotlib's own steps have 2.5, whose multiples are longer numbers.
+        settings = {"axis": "x", "nbins": intervals, "steps": [1, 2, 5, 10]}
+        self.on_axes(lambda axes: axes.locator_params(**settings))
+
+    def limit(self, axis: str, ends: tuple[float, float], log: bool, **where: Any) -> None:
+        """Limit axis ``x`` or ``y``; if `log`, make it logarithmic with round numbers at ticks."""
+
+        def set_ticks(axes: Any) -> None:
+            from matplotlib.ticker import AutoLocator, LogLocator
+
+            own, ratio = getattr(axes, f"{axis}axis"), ends[1] / ends[0]
+            # Axes of three decades and more have ticks at powers of ten.
+            steps = [1, 2, 5] if ratio < LOG_FROM**3 else [1]
+            own.set_major_locator(LogLocator(subs=steps) if ratio > LOG_FROM else AutoLocator())
+            own.set_major_formatter("{x:g}")
+            axes.minorticks_off()
+
+        if log:
+            self.adjust(f"set_{axis}scale", scale="log", **where)
+            self.on_axes(set_ticks, **where)
+        self.adjust(f"set_{axis}lim", limits=ends, **where)
 
     def entries(self, dim: str, prefix: str, *aesthetics: str, **settings: Any) -> dict[str, dict]:
         """Legend entries of the labels of `dim`, if several: they differ by these aesthetics."""
@@ -132,22 +165,22 @@ class Canvas:
         wanted = self.wanted("legend", settings)
         if wanted is None or len(entries) < 2:
             return
-        backend = import_module(f"arviz_plots.backend.{self.collection.backend}")
-        labels = [fill(label, _LEGEND_WIDTH) for label in entries]
-        draw = partial(backend.legend, self.collection, [*entries.values()], labels)
+        labels = [fill(label, 60) for label in entries]  # as wide as the narrowest figure
+        draw = partial(self.backend.legend, self.collection, [*entries.values()], labels)
         if self.collection.backend == "none":
             draw(**wanted)
             return
         figure = self.collection.get_viz("figure")
         width, height = figure.get_size_inches()
-        for columns in range(min(len(entries), _MOST_COLUMNS), 0, -1):
+        for columns in range(min(len(entries), 8), 0, -1):
             legend = draw(**{"ncols": columns} | wanted)
             extent = legend.get_window_extent(figure.canvas.get_renderer())
             if extent.width <= width * figure.dpi or columns == 1:
                 break
             legend.remove()
         if self._may_grow:
-            figure.set_size_inches(width, height + max(extent.height / figure.dpi - _BELOW, 0))
+            # All sizes of figures have room for one row, of 0.35 inches.
+            figure.set_size_inches(width, height + max(extent.height / figure.dpi - 0.35, 0))
 
     def title(self, attrs: Sequence[Mapping[Any, Any]], *before: str | None) -> None:
         """Name the content and its data in the title; simulated data are called so."""
@@ -157,6 +190,13 @@ class Canvas:
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
             self.collection.add_title(literal(text), size="medium", wrap=True)
+
+    def title_of_fits(
+        self, fitted: Mapping[str, xr.DataTree], energy: Any, *before: str | None
+    ) -> None:
+        """Name the law, the content and the training data in the title."""
+        law = law_of(next(iter(fitted.values())), energy)
+        self.title(training_attrs(fitted), law, *before)
 
 
 def _visual(function: str | Callable) -> Callable:
@@ -207,55 +247,21 @@ def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
     return coordinates.to_dataset(name=name)
 
 
-def set_yticks(da: xr.DataArray, target: Any, *, values: list[float], labels: list[str]) -> None:
-    """Name places on a vertical axis, which no visual of arviz_plots does."""
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend_from_object(target).yticks(values, labels, target)
-
-
-def ticks_on_the_right(da: xr.DataArray, target: Any) -> None:
-    """Move the ticks of a vertical axis to the right of its panel."""
-    if hasattr(target, "yaxis"):
-        target.yaxis.tick_right()
+def with_margin(low: float, high: float) -> tuple[float, float]:
+    """Ends of an axis of such values, with the margins that matplotlib leaves by default."""
+    margin = 0.05 * (high - low)
+    return low - margin, high + margin
 
 
-def few_ticks(da: xr.DataArray, target: Any, *, intervals: int) -> None:
-    """Divide a horizontal axis into few intervals, so that the numbers do not touch."""
-    if hasattr(target, "xaxis"):
-        from matplotlib.ticker import MaxNLocator
-
-        target.xaxis.set_major_locator(MaxNLocator(intervals, steps=_SHORT_STEPS))
+def inches_of(texts: Iterable[str]) -> float:
+    """Width of the longest line of some texts: a letter is about 0.08 inches wide."""
+    return 0.08 * max(len(line) for text in texts for line in [*text.splitlines(), ""])
 
 
-def log_axis(
-    da: xr.DataArray, target: Any, *, ends: tuple[float, float], axis: Literal["x", "y"] = "y"
-) -> None:
-    """Make an axis logarithmic, with ticks at round numbers between its ends."""
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend, values = backend_from_object(target), log_ticks(*ends)
-    getattr(backend, f"{axis}scale")(target, "log")
-    getattr(backend, f"{axis}ticks")(values, [f"{value:g}" for value in values], target)
-    if hasattr(target, "minorticks_off"):
-        target.minorticks_off()
-
-
-def log_ticks(low: float, high: float) -> list[float]:
-    """Round numbers between two ends of a logarithmic axis, 3 to 7 of them.
-
-    Examples
-    --------
-    >>> log_ticks(0.45, 2.3), log_ticks(0.8, 40.0)
-    ([0.5, 1.0, 2.0], [1.0, 2.0, 5.0, 10.0, 20.0])
-    """
-    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    for steps in _STEPS:
-        values = np.outer(decades, steps).ravel()
-        values = values[(values >= low) & (values <= high)]
-        if len(values) >= _FEWEST_TICKS:
-            break
-    return values[:: max(1, -(-len(values) // _MOST_TICKS))].tolist()
+def check_choice(name: str, given: object, known: Collection[str | None]) -> None:
+    """Raise unless an argument is one of the known names."""
+    if given not in known:
+        raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, not {given!r}")
 
 
 def per_kilopascal(pressure_unit: str) -> float:
@@ -265,11 +271,10 @@ def per_kilopascal(pressure_unit: str) -> float:
 
 def rounded_probability(probability: float, error: float = 0.0) -> str:
     """A probability as it is printed, never as exactly zero or one unless its error says so."""
-    if error >= _LEAST_ERROR:
+    if round(error, 3) > 0:
         return " ± ".join(rounded([probability, error], error))
-    if probability < 0.0005:
-        return "<0.001"
-    return ">0.999" if probability > 0.9995 else f"{probability:.3f}"
+    text = f"{probability:.3f}"
+    return {"0.000": "<0.001", "1.000": ">0.999"}.get(text, text)
 
 
 def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
@@ -290,7 +295,7 @@ def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
     return fitted
 
 
-def law_of(tree: xr.DataTree, energy: Any = None) -> str | None:
+def law_of(tree: xr.DataTree, energy: Any) -> str | None:
     """Name of the material, which may be given, or those of the layers."""
     if isinstance(energy, StrainEnergy):
         return energy.name

@@ -5,7 +5,7 @@ import xarray as xr
 from figures import DATA, STRETCHES, elements, legend_texts, straight_lines, texts
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.plots.style import PALETTE
+from pymc_hyperelastic.plots.style import PALETTE, Canvas
 
 
 def test_titles_name_the_data_and_say_whether_they_are_simulated(few_draws):
@@ -48,6 +48,23 @@ def test_sizes_colours_and_visuals_can_be_set():
     assert not elements(figure, "line")
     assert {(e["size"], e["facecolor"]) for e in elements(figure, "scatter")} == {(3, "k")}
     assert not legend_texts(ph.plot_inflation(data, visuals={"legend": False}))
+
+
+@pytest.mark.parametrize("high", [0.9, 2.3, 40.0, 5e3, 1e9])
+def test_logarithmic_axes_have_a_few_round_numbers(high):
+    data, wishes = xr.Dataset({"x": ("n", [1.0])}, {"n": ["a"]}), ("matplotlib", None, {})
+    canvas = Canvas("wrap", data, "", wishes, (4, 3), {}, aes={"color": ["n"]})
+    canvas.limit("y", (0.45, high), log=True)
+    axes = canvas.collection.get_viz("plot", "x")
+    assert axes.get_yscale() == "log" and axes.get_ylim() == (0.45, high)
+    axes.figure.canvas.draw()
+    shown = [
+        label.get_text()
+        for label in axes.get_yticklabels()
+        if 0.45 <= label.get_position()[1] <= high
+    ]
+    assert 3 <= len(shown) <= 12
+    assert all(len(number) < 6 for number in shown)
 
 
 def without_data(tree):

@@ -41,7 +41,7 @@ def test_line_is_the_difference_between_ecdf_and_uniform_distribution(ranks):
         np.testing.assert_allclose(line["y"], below, atol=ROUNDING)
     p_values = ["p = 0.500", "p < 0.001", "not tested", "p = 0.250", "p = 0.001"]
     assert texts(figure, "title") == [f"k[{i}]\n({p})" for i, p in enumerate(p_values)]
-    assert texts(figure, "xlabel") == ["rank / $(L+1)$"] * 4
+    assert texts(figure, "xlabel") == ["rank / $(L+1)$"] * 3
     assert texts(figure, "ylabel") == ["ECDF − uniform"] * 2
     assert "200 simulations, 95 % simultaneous" in figure.get_viz("figure_title")["string"]
     one = ph.plot_calibration_ranks(ranks.sel(parameter="k[1]"), backend="none")

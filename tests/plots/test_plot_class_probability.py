@@ -12,8 +12,8 @@ LIMITS = {"undecided_below": 0.8, "none_below": 0.05}
 
 
 def test_printed_probabilities_are_never_zero_or_one():
-    printed = map(rounded_probability, (0.0004, 0.0006, 0.9994, 1.0))
-    assert [*printed] == ["<0.001", "0.001", "0.999", ">0.999"]
+    printed = map(rounded_probability, (0.0004, 0.0006, 0.9994, 0.9995, 1.0))
+    assert [*printed] == ["<0.001", "0.001", "0.999", ">0.999", ">0.999"]
 
 
 def test_printed_errors_have_two_digits():
