@@ -77,7 +77,7 @@ class Conditions:
     density: float = 1060.0
 
     def __post_init__(self) -> None:
-        self._in_kilopascal(1.0)  # raise if the unit is unknown
+        to_internal(1.0, self.pressure_unit, "pressure")  # raise if the unit is unknown
         # Numbers and tuples can be compared and printed, which arrays cannot.
         if self.pressure is not None:
             expected = f"pressures in {self.pressure_unit}"
@@ -116,11 +116,11 @@ class Conditions:
 
         Functions without an argument `check` warn of them, and pass None.
         """
-        return self._plausible(self.pressures, check)
+        return self._converted(self.pressures, check)
 
     def range_in_kilopascal(self, check: Check | None = None) -> Array:
         """Return the diastolic and the systolic pressure in kPa, as :meth:`in_kilopascal` does."""
-        return self._plausible(self.pressure_range, check)
+        return self._converted(self.pressure_range, check)
 
     def geometry(self) -> dict[str, Any]:
         """Return the stated radii (mm), axial stretch and opening angle (rad) of the tube."""
@@ -132,13 +132,10 @@ class Conditions:
         attributes = found["pressure"].attrs | {"units": self.pressure_unit}
         return found.assign_coords(pressure=("pressure", values, attributes))
 
-    def _plausible(self, pressures: Any, check: Check | None) -> Array:
-        converted = self._in_kilopascal(pressures)
+    def _converted(self, pressures: Any, check: Check | None) -> Array:
+        converted = to_internal(pressures, self.pressure_unit, "pressure")
         check_plausible_pressures(converted, check)
         return converted
-
-    def _in_kilopascal(self, pressures: Any) -> Array:
-        return to_internal(pressures, self.pressure_unit, "pressure")
 
     def _checked_range(self) -> tuple[float, float]:
         """Return the diastolic and the systolic pressure; raise unless they increase."""

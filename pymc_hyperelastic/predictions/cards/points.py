@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.mechanics.strain_energy import Parameter
 from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.predictions.walls import WallDraws
@@ -75,11 +76,9 @@ def thinned(draws: WallDraws, count: int) -> list[PointOfWall]:
     ValueError
         If `count` is negative or exceeds the number of draws.
     """
-    if not isinstance(count, int) or isinstance(count, bool):
-        raise TypeError(f"draws is {count!r}; expected a whole number of further materials")
-    flat = _flat(draws)
-    total = _total(draws)
-    if not 0 <= count <= total:
+    check_count("draws", count, 0)
+    flat, total = _flat(draws), _total(draws)
+    if count > total:
         raise ValueError(f"draws is {count}; the posterior has {total}, expected 0 to {total}")
     places = (np.arange(count) + 0.5) * total // max(count, 1)
     return [
