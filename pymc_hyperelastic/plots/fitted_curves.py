@@ -52,7 +52,6 @@ from pymc_hyperelastic.rounding import DIGITS
 _RADII = 80  # points of a curve over radii
 # Points of a curve over axial stretches: at each one Newton's method finds the radius.
 _STRETCHES = 24
-_DRAWS = 1000  # draws of a band: more change no line visibly
 # Part of the largest pressure by which a pressure that is held during an extension test varies.
 _HELD = 0.5
 # Measures of a tube that a posterior may hold. The axial stretch of a curve is that of its test.
@@ -134,7 +133,7 @@ def specimens_in(
     """
     found = []
     for of_class, tree in classes.items():
-        thinned, known = thinned_draws(tree, _DRAWS), _known_specimens(tree)
+        thinned, known = thinned_draws(tree), _known_specimens(tree)
         for name, tests in specimens_apart(data[of_class]).items():
             member = name if name in known else None
             found.append(Specimen(of_class, name, thinned, tests, member))
