@@ -113,9 +113,16 @@ def _open_store(folder: Path) -> xr.DataTree | xr.Dataset:
     units = open_table(folder / f"{UNITS}.nc")
     check_store(units, hash_of(manifest), folder / f"{UNITS}.nc")
     template = _template(parts, read)
+    # A variable without units is that of the template.
     variables = {
-        name: _lazily(name, variable, by, count, parts, read)
-        for name, variable in template.variables.items()
+        name: xr.Variable(
+            like.dims,
+            indexing.LazilyIndexedArray(_Rows(name, like, by, count, parts, read)),
+            like.attrs,
+        )
+        if by in like.dims
+        else like
+        for name, like in template.variables.items()
         if name not in units.coords
     }
     result = xr.Dataset(variables, attrs=template.attrs)
@@ -185,16 +192,6 @@ class _Rows(BackendArray):
         for axis, of_axis in reversed([*enumerate(rest)]):
             found = found[(slice(None),) * axis + (of_axis,)]
         return found
-
-
-def _lazily(
-    name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
-) -> xr.Variable:
-    """Return a variable of all units; a variable without units is that of the template."""
-    if by not in like.dims:
-        return like
-    rows = _Rows(name, like, by, count, parts, read)
-    return xr.Variable(like.dims, indexing.LazilyIndexedArray(rows), like.attrs)
 
 
 def _in_groups(result: xr.Dataset) -> xr.DataTree:
