@@ -18,7 +18,16 @@ from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
 from pymc_hyperelastic.reports.meanings import meaning_of
 from pymc_hyperelastic.reports.measurements import show_measurements
-from pymc_hyperelastic.reports.page import PROB, Interval, Page, frame_of, in_words, listed, percent
+from pymc_hyperelastic.reports.page import (
+    PROB,
+    Interval,
+    Page,
+    frame_of,
+    in_words,
+    interval_of,
+    listed,
+    percent,
+)
 from pymc_hyperelastic.reports.settings import (
     known_wall,
     reference_stress_of,
@@ -171,21 +180,16 @@ def _summarise(
 
 
 def _intervals(tree: xr.DataTree) -> dict[str, Interval]:
-    """Return median and interval of each unknown, entry by entry, of finite draws."""
+    """Return median and interval of each unknown, entry by entry."""
     found = {}
-    posterior = unknowns_of(tree)
-    for name, draws in posterior.data_vars.items():
-        entries = draws.where(np.isfinite(draws)).stack(all_draws=("chain", "draw"))
-        low, middle, high = entries.quantile(
-            [(1 - PROB) / 2, 0.5, (1 + PROB) / 2], "all_draws", skipna=True
-        ).transpose("quantile", ...)
-        for place in np.ndindex(middle.shape):
-            labels = [
-                str(middle[dim].values[i]) if dim in middle.coords else str(i)
-                for dim, i in zip(middle.dims, place, strict=True)
-            ]
+    for name, draws in unknowns_of(tree).data_vars.items():
+        entries = draws.transpose(..., "chain", "draw")
+        for place in np.ndindex(entries.shape[:-2]):
+            # An entry without a label has its number.
+            dims = zip(entries.dims, place, strict=False)
+            labels = [str(entries[dim].values[i]) for dim, i in dims]
             entry = f"{name}[{', '.join(labels)}]" if labels else str(name)
-            found[entry] = Interval(*(float(x.values[place]) for x in (middle, low, high)))
+            found[entry] = interval_of(entries.values[place])
     return found
 
 

@@ -70,6 +70,14 @@ class Interval(NamedTuple):
     high: float
 
 
+def interval_of(draws: np.ndarray) -> Interval:
+    """Return the median and the interval of finite draws; all are NaN without such a draw."""
+    known = draws[np.isfinite(draws)]
+    if not known.size:
+        return Interval(np.nan, np.nan, np.nan)
+    return Interval(*np.quantile(known, [0.5, (1 - PROB) / 2, (1 + PROB) / 2]).tolist())
+
+
 @dataclass
 class Page:
     """A report in the making."""

@@ -25,6 +25,7 @@ from pymc_hyperelastic.reports.page import (
     Interval,
     Page,
     in_words,
+    interval_of,
     listed,
     percent,
 )
@@ -121,20 +122,13 @@ def _summarise(found: Mapping[str, _Intervals], unit: str, page: Page) -> None:
 
 
 def _intervals(properties: xr.Dataset, pressures: Array) -> _Intervals:
-    """Return median and interval of each property, by its words, unit and pressure.
-
-    Draws that are not finite are left out.
-    """
-    quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
+    """Return median and interval of each property, by its words, unit and pressure."""
     found: _Intervals = {}
     for i, pressure in enumerate(pressures.tolist()):
         for key in _PROPERTIES:
-            draws = properties[key].isel(pressure=i).values
-            known = draws[np.isfinite(draws)]
-            numbers = np.quantile(known, quantiles) if known.size else np.full(3, np.nan)
             attrs = properties[key].attrs
             place = attrs["long_name"], unit_text(attrs["units"]), pressure
-            found[place] = Interval(*numbers.tolist())
+            found[place] = interval_of(properties[key].isel(pressure=i).values)
     return found
 
 
