@@ -139,17 +139,14 @@ class Conditions:
 
     def _checked_range(self) -> tuple[float, float]:
         """Return the diastolic and the systolic pressure; raise unless they increase."""
-        words = (
-            "pressure_range must be a diastolic and a higher systolic pressure in "
-            f"{self.pressure_unit}; got {self.pressure_range!r}"
-        )
-        if np.shape(self.pressure_range) != (2,):
-            raise ValueError(words)
         expected = f"two pressures in {self.pressure_unit}"
-        low, high = checked_numbers("pressure_range", self.pressure_range, expected).tolist()
-        if not 0 <= low < high:
-            raise ValueError(words)
-        return low, high
+        numbers = checked_numbers("pressure_range", self.pressure_range, expected).tolist()
+        if len(numbers) != 2 or not 0 <= numbers[0] < numbers[1]:
+            raise ValueError(
+                "pressure_range must be a diastolic and a higher systolic pressure in "
+                f"{self.pressure_unit}; got {self.pressure_range!r}"
+            )
+        return numbers[0], numbers[1]
 
 
 def as_conditions(at: Conditions | float | Sequence[float] | Any) -> Conditions:

@@ -38,15 +38,15 @@ def _parameters(**values: float) -> list[ElementTree.Element]:
     return [_element(name, repr(float(value))) for name, value in values.items()]
 
 
-def _element(tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
+def _element(
+    tag: str, content: str | Sequence[ElementTree.Element] = (), **attributes: str
+) -> ElementTree.Element:
+    """Return an element with a text or with other elements."""
     element = ElementTree.Element(tag, attributes)
-    element.text = text
-    return element
-
-
-def _with(tag: str, children: Sequence[ElementTree.Element], **attributes: str) -> Any:
-    element = _element(tag, **attributes)
-    element.extend(children)
+    if isinstance(content, str):
+        element.text = content
+    else:
+        element.extend(content)
     return element
 
 
@@ -123,7 +123,7 @@ def _holzapfel(v: Any, k: float) -> Body:
 
 
 def _four_fiber(v: Any, k: float) -> Body:
-    matrix = _with("solid", _parameters(c1=v["c"] / 2, c2=0.0), type="Mooney-Rivlin")
+    matrix = _element("solid", _parameters(c1=v["c"] / 2, c2=0.0), type="Mooney-Rivlin")
     beta = v["beta"]
     angles = {"axial": [90.0], "hoop": [0.0], "diagonal": [beta, -beta]}
     fibres = [
@@ -142,14 +142,14 @@ def _fibres(k1: float, k2: float, angle: float) -> ElementTree.Element:
     direction = ",".join(repr(x) for x in (cos(radians(angle)), sin(radians(angle)), 0.0))
     parameters = _parameters(ksi=k1, alpha=k2, beta=2.0)
     fibre = _element("fiber", direction, type="vector")
-    return _with("solid", [*parameters, fibre], type="fiber-exp-pow-uncoupled")
+    return _element("solid", [*parameters, fibre], type="fiber-exp-pow-uncoupled")
 
 
 def _axes() -> ElementTree.Element:
     """Return the local axes: 1 around the tube, 2 along it, 3 through its wall."""
     vectors = {"center": "0,0,0", "axis": "0,0,1", "vector": "0,1,0"}
     children = [_element(name, vector) for name, vector in vectors.items()]
-    return _with("mat_axis", children, type="cylindrical")
+    return _element("mat_axis", children, type="cylindrical")
 
 
 _WITHOUT_VOLUME = ", of the isochoric deformation"
@@ -205,8 +205,8 @@ def _card(header: list[str], materials: list[Material]) -> str:
     for i, material in enumerate(materials, start=1):
         kind, body = _LAWS[type(material.energy)].write(material.values, material.bulk_modulus)
         section.append(_comment(material.notes))
-        section.append(_with("material", body, id=str(i), name=material.name, type=kind))
-    root = _with("febio_spec", [section], version="4.0")
+        section.append(_element("material", body, id=str(i), name=material.name, type=kind))
+    root = _element("febio_spec", [section], version="4.0")
     ElementTree.indent(root)
     return _HEAD + ElementTree.tostring(root, encoding="unicode") + "\n"
 
