@@ -3,9 +3,9 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -39,10 +39,7 @@ from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import MeasuredValue, complete_unknowns, split_by_owner
 from pymc_hyperelastic.models.inflation import build_model
-from pymc_hyperelastic.models.likelihoods import (
-    Likelihood,
-    as_likelihood,
-)
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.priors import (
     FEW_DRAWS,
     prior_from_record,
@@ -157,13 +154,12 @@ class Fits:
         return found.as_row(self._work, data)
 
 
-@dataclass
-class _Fit:
+class _Fit(NamedTuple):
     """Posterior and evidence of one specimen."""
 
     posterior: dict[str, np.ndarray]
     """By (draw, entry)."""
-    evidence: dict[str, Any] = field(default_factory=dict)
+    evidence: dict[str, Any]
 
     def as_row(self, work: Fitting, data: xr.Dataset) -> xr.Dataset:
         by = work.by
@@ -215,11 +211,7 @@ class _Model:
     @without_traces
     def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
         self._model = build_model(
-            work.energy,
-            data,
-            work.likelihood,
-            priors=work.unknown,
-            forward=forward.with_data(data),
+            work.energy, data, work.likelihood, priors=work.unknown, forward=forward.with_data(data)
         )
         self.forward: ForwardModel = self._model.study.forward
         self._target = Target(self._model)

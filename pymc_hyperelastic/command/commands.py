@@ -36,11 +36,7 @@ from pymc_hyperelastic.reports.comparison import is_of_tubes
 from pymc_hyperelastic.reports.page import frame_of, in_words
 from pymc_hyperelastic.reports.report import report as write_report
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 Files = Annotated[
     list[Path], typer.Argument(help="Tables (CSV, TSV, text), and perhaps a TOML file about them.")

@@ -4,8 +4,6 @@ import sys
 import warnings
 from typing import Any
 
-# Exit code of an interrupted command: 128 and the number of the signal SIGINT.
-_INTERRUPTED = 130
 _ADVICE = (
     "\nPyTensor stores compiled functions in this folder. Choose one that can be written: "
     "export PYTENSOR_FLAGS=base_compiledir=/a/folder"
@@ -24,10 +22,11 @@ def main() -> None:
         )
     warnings.showwarning = _in_one_line  # type: ignore[assignment]
     try:
-        # Typer catches Ctrl-C and returns this code. A closed pipe ends the process with code 1.
-        if app(standalone_mode=False) == _INTERRUPTED:
+        code = app(standalone_mode=False)
+        # Typer catches Ctrl-C and returns 128 + SIGINT. A closed pipe ends the process with code 1.
+        if code == 130:
             print("interrupted: repeat the command to continue", file=sys.stderr)
-            sys.exit(_INTERRUPTED)
+            sys.exit(code)
     except (OSError, TypeError, ValueError) as error:
         for note in getattr(error, "__notes__", ()):
             print(note, file=sys.stderr)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 import pymc as pm
 import xarray as xr
@@ -15,32 +15,26 @@ from pymc_hyperelastic.models.likelihoods import (
     SlopeAugmented,
     balanced_slope_weight,
 )
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
 
-Quantity = Literal["pressure", "length", "force", "angle"]
 UNKNOWN = "unknown"
-# Quantity that has each size.
-_QUANTITIES: dict[str, Quantity] = {
-    "pressure_sd": "pressure",
-    "sigma": "pressure",
-    "force_sd": "force",
-    "force_sigma": "force",
-    "force_offset_sd": "force",
-    "diameter_sd": "length",
-    "stress_sd": "pressure",
-}
+# Quantity that has each unit of the package.
+_QUANTITIES = {"kPa": "pressure", "mN": "force", "mm": "length"}
 # Sizes of a Gaussian likelihood only.
 _WITHOUT_SLOPES = ("pressure_sd", "force_sd", "diameter_sd", "stress_sd")
 # Sizes of a slope-augmented likelihood only.
 _WITH_SLOPES = ("force_sigma", "slope_weight")
-# Scales of the half-normal priors of unknown sizes. They are wide: an error as large as the scale
-# is visible on a curve of an artery.
-_PRIOR_SDS: dict[Quantity, float] = {
-    "pressure": 1.0,  # kPa
-    "force": 10.0,  # mN
-    "length": 0.05,  # mm
+# Scales of the half-normal priors of sizes that may be unknown, in kPa, mN and mm. They are wide:
+# an error as large as the scale is visible on a curve of an artery. Stresses of sheets are several
+# times the pressures of tubes.
+_PRIOR_SDS = {
+    "pressure_sd": 1.0,
+    "sigma": 1.0,
+    "force_sd": 10.0,
+    "force_sigma": 10.0,
+    "diameter_sd": 0.05,
+    "stress_sd": 10.0,
 }
-# The same for stresses of sheets, which are several times the pressures of tubes.
-_PRIOR_SD_OF_STRESSES = 10.0  # kPa
 
 
 def likelihood_of_options(
@@ -67,7 +61,7 @@ def likelihood_of_options(
     places = {name: f"likelihood.{name}" for name in table}
     places |= {name: f"--{name.replace('_', '-')}" for name in given}
     values: dict[str, str | float] = {**table, **given}
-    known = [*_QUANTITIES, "slope_weight"]
+    known = [*_PRIOR_SDS, "force_offset_sd", "slope_weight"]
     for name in values:
         if name not in known:
             raise ValueError(f"{places[name]} is not known; expected some of {known}")
@@ -90,19 +84,17 @@ def likelihood_of_options(
         values.setdefault("stress_sd", UNKNOWN)
     errors: dict[str, Any] = {}
     for name, value in values.items():
-        quantity = _QUANTITIES[name]
-        if value == UNKNOWN and name != "force_offset_sd":
-            wide = _PRIOR_SD_OF_STRESSES if name == "stress_sd" else _PRIOR_SDS[quantity]
-            errors[name] = pm.HalfNormal.dist(wide)
+        if value == UNKNOWN and name in _PRIOR_SDS:
+            errors[name] = pm.HalfNormal.dist(_PRIOR_SDS[name])
         else:
-            errors[name] = size_of(places[name], value, quantity)
+            errors[name] = size_of(places[name], value, _QUANTITIES[SIZES[name].unit])
     if not with_slopes:
         return Gaussian(**errors)
     weight = balanced_slope_weight(data) if weight is None else weight
     return SlopeAugmented(slope_weight=weight, **errors)
 
 
-def size_of(place: str, text: str | float, quantity: Quantity) -> float:
+def size_of(place: str, text: str | float, quantity: str) -> float:
     """Return a positive number with its unit, in the unit of the package.
 
     The `place` is where the user wrote it, such as ``--pressure-sd``, for messages.

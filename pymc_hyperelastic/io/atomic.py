@@ -15,8 +15,6 @@ except ImportError:  # Windows
 
 #: How the name of a file ends while it is written.
 UNFINISHED = ".unfinished"
-# Hexadecimal digits of the hash of a target's name: 64 bits differ between all files of a folder.
-_DIGITS = 16
 
 
 @contextmanager
@@ -28,7 +26,7 @@ def atomic_write(path: Path, *, once: bool = False) -> Iterator[Path]:
     `path` that killed processes left behind are removed.
     """
     # The name of the target, of any length, in the name of its temporary files.
-    prefix = f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:_DIGITS]}"
+    prefix = f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()}"
     beside, file = _open_locked(path.parent, prefix)
     try:
         with file:

@@ -16,11 +16,8 @@ from pymc_hyperelastic.io.store import Store, check_store, hash_of, manifest_of
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel.run import Batch
 
-# Least number of parts that stay in memory after reading, so that reading all variables one by one
-# reads each part once. Not tuned.
-_KEPT = 16
-# Bytes: more parts stay in memory while they take less. Half a gigabyte is little for a computer
-# that fits many specimens.
+# Bytes of the parts that stay in memory after reading, so that reading all variables one by one
+# reads each part once. Half a gigabyte is little for a computer that fits many specimens.
 _KEPT_BYTES = 2**29
 # Attribute that says of which group of the result a variable is.
 GROUP = "group_of_result"
@@ -110,16 +107,22 @@ def _open_store(folder: Path) -> xr.DataTree | xr.Dataset:
             f"{folder} holds {done} of {count}: the call that made it goes on with the others",
             skip_file_prefixes=(PACKAGE,),
         )
-    sizes = [_file(folder, part).stat().st_size for part in parts[:_KEPT]]
-    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(
-        partial(_read, folder, hash_of(manifest))
-    )
+    largest = max((_file(folder, part).stat().st_size for part in parts), default=1)
+    kept = max(1, _KEPT_BYTES // largest)
+    read = lru_cache(kept)(partial(_read, folder, hash_of(manifest)))
     units = open_table(folder / f"{UNITS}.nc")
     check_store(units, hash_of(manifest), folder / f"{UNITS}.nc")
     template = _template(parts, read)
+    # A variable without units is that of the template.
     variables = {
-        name: _lazily(name, variable, by, count, parts, read)
-        for name, variable in template.variables.items()
+        name: xr.Variable(
+            like.dims,
+            indexing.LazilyIndexedArray(_Rows(name, like, by, count, parts, read)),
+            like.attrs,
+        )
+        if by in like.dims
+        else like
+        for name, like in template.variables.items()
         if name not in units.coords
     }
     result = xr.Dataset(variables, attrs=template.attrs)
@@ -171,45 +174,24 @@ class _Rows(BackendArray):
 
     def _rows(self, key: tuple[Any, ...]) -> np.ndarray:
         wanted = np.arange(self.shape[self._axis])[key[self._axis]]
-        rows = np.atleast_1d(wanted)
-        place = np.searchsorted(self._firsts, rows, side="right") - 1
+        rows, before = np.atleast_1d(wanted), (slice(None),) * self._axis
         found = filled(self._like, self._by, len(rows)).values.astype(self.dtype)
-        for number in np.unique(place):
-            own = place == number
-            found[(slice(None),) * self._axis + (own,)] = self._of_part(number, rows[own])
+        if self._name == "error":
+            found[...] = "not computed yet"
+        place = np.searchsorted(self._firsts, rows, side="right") - 1
+        for number in np.unique(place[place >= 0]):
+            part = self._parts[number]
+            here = (place == number) & (rows < part.last)
+            # A part in which everything failed has errors only.
+            if here.any() and self._name in (table := self._read(part)).variables:
+                own = table.variables[self._name].values.astype(self.dtype)
+                found[(*before, here)] = own[(*before, rows[here] - part.first)]
         rest = list(key)
         rest[self._axis] = slice(None) if wanted.ndim else 0
         # One axis after another, from the last, so that none moves before its turn.
         for axis, of_axis in reversed([*enumerate(rest)]):
             found = found[(slice(None),) * axis + (of_axis,)]
         return found
-
-    def _of_part(self, number: int, rows: np.ndarray) -> np.ndarray:
-        """Rows that one part has, or would have if it had been computed."""
-        part = self._parts[number] if number >= 0 else None
-        there = np.zeros(len(rows), bool) if part is None else rows < part.last
-        values = filled(self._like, self._by, len(rows)).values.astype(self.dtype)
-        if self._name == "error":
-            values[...] = "not computed yet"
-        if part is not None and there.any():
-            known = self._read(part)
-            where = (slice(None),) * self._axis
-            if self._name in known:
-                own = known.variables[self._name].values.astype(self.dtype)
-                values[(*where, there)] = own[(*where, rows[there] - part.first)]
-            elif self._name != "error":
-                values[(*where, there)] = filled(self._like, self._by, int(there.sum())).values
-        return values
-
-
-def _lazily(
-    name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
-) -> xr.Variable:
-    """Return a variable of all units; a variable without units is that of the template."""
-    if by not in like.dims:
-        return like
-    rows = _Rows(name, like, by, count, parts, read)
-    return xr.Variable(like.dims, indexing.LazilyIndexedArray(rows), like.attrs)
 
 
 def _in_groups(result: xr.Dataset) -> xr.DataTree:

@@ -25,8 +25,6 @@ _FORMAT = 2
 _MANIFEST = "manifest.json"
 #: Attribute of a part: the hash of the manifest of its store.
 STORE = "store"
-# Digits of a hash in a message.
-_SHORT = 12
 # Packages whose major and minor version may change the numbers.
 _PACKAGES = ("pymc", "pytensor")
 
@@ -239,8 +237,8 @@ def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> No
     found = part.attrs.pop(STORE, None)
     if found != expected:
         raise ValueError(
-            f"{path} belongs to another store: its manifest has the hash {str(found)[:_SHORT]}, "
-            f"that of {path.parent} has {expected[:_SHORT]}; data, settings or versions differ. "
+            f"{path} belongs to another store: its manifest has the hash {str(found)[:12]}, "
+            f"that of {path.parent} has {expected[:12]}; data, settings or versions differ. "
             "Remove the file, or give another folder"
         )
 

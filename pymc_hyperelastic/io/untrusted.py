@@ -2,20 +2,17 @@
 
 import io
 import re
+import struct
 from collections.abc import Iterator
 
 import h5py
 
 from pymc_hyperelastic.messages import shown
 
-# A result has a class in a group, and in it groups of draws: two levels.
-_DEEPEST = 10
-# Groups and variables; a cohort's parts have tens, a fit of many classes some hundreds.
-_MOST_OBJECTS = 20_000
 # Bytes in memory for each byte of the file; zlib cannot compress further than this.
 _LARGEST_RATIO = 1100
-# Bytes of number, count and size before each object of a heap of HDF5.
-_HEAP_HEADER = 16
+# Number, count and size before each object of a heap of HDF5.
+_HEAP_HEADER = struct.Struct("<HH4xQ")
 
 
 def check_self_contained(content: bytes) -> None:
@@ -30,8 +27,10 @@ def check_self_contained(content: bytes) -> None:
     declared = 0
     with h5py.File(io.BytesIO(content), "r") as root:
         for count, (name, entry) in enumerate(_entries(root, "", {_identity(root)})):
-            if count >= _MOST_OBJECTS:
-                raise ValueError(f"it holds more than {_MOST_OBJECTS} groups and variables")
+            # A cohort's parts have tens, a fit of many classes some hundreds. To open many more
+            # takes hours.
+            if count >= 20_000:
+                raise ValueError("it holds more than 20000 groups and variables")
             if isinstance(entry, h5py.Dataset):
                 if entry.external is not None or entry.is_virtual:
                     raise ValueError(f"its variable {shown(name)} points to another file")
@@ -49,11 +48,10 @@ def _check_heaps(content: bytes) -> None:
     """
     for heap in re.finditer(rb"GCOL\x01\0{3}(.{8})", content, re.DOTALL):
         place, end = heap.end(), heap.start() + int.from_bytes(heap[1], "little")
-        while place + _HEAP_HEADER <= min(end, len(content)):
-            number = int.from_bytes(content[place : place + 2], "little")
-            size = int.from_bytes(content[place + 8 : place + 16], "little")
+        while place + _HEAP_HEADER.size <= min(end, len(content)):
+            number, _, size = _HEAP_HEADER.unpack_from(content, place)
             if number:
-                size = (_HEAP_HEADER + size + -size % 8) % 2**64
+                size = (_HEAP_HEADER.size + size + -size % 8) % 2**64
             if not size:
                 raise ValueError(f"its heap at byte {heap.start()} has an object without a size")
             place += size
@@ -77,7 +75,7 @@ def _check_dimensions(name: str, variable: h5py.Dataset) -> None:
 
 
 def _entries(
-    group: h5py.Group, place: str, seen: set[object], depth: int = 1
+    group: h5py.Group, place: str, seen: set[object]
 ) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
     """Groups and variables below a group, each once."""
     for name in group:
@@ -88,12 +86,13 @@ def _entries(
         if isinstance(entry, h5py.Group):
             if _identity(entry) in seen:
                 raise ValueError(f"its group {shown(path)} is also another one")
-            if depth >= _DEEPEST:
-                raise ValueError(f"its group {shown(path)} is deeper than {_DEEPEST} levels")
+            # A result has a class in a group, and in it groups of draws: two levels.
+            if path.count("/") > 10:
+                raise ValueError(f"its group {shown(path)} is deeper than 10 levels")
             seen.add(_identity(entry))
         yield path, entry
         if isinstance(entry, h5py.Group):
-            yield from _entries(entry, path, seen, depth + 1)
+            yield from _entries(entry, path, seen)
 
 
 def _identity(group: h5py.Group) -> object:

@@ -9,18 +9,13 @@ from typing import Any, NamedTuple
 
 from pymc_hyperelastic.parallel.work import Part, Work
 from pymc_hyperelastic.parallel.workers import (
-    DEATHS,
+    LOOK,
     Cluster,
     Processes,
     ThisProcess,
     WorkerDied,
     Workers,
 )
-
-# Batches that wait at the workers for each batch that is being computed.
-_WAITING = 2
-# Seconds without news after which the driver checks that a worker is left.
-_LOOK = 5.0
 
 
 class Batch(NamedTuple):
@@ -75,10 +70,11 @@ def run_batches[Answer](
     """
     running: dict[Future, Batch] = {}
     while todo or running:
-        while todo and len(running) < _WAITING * workers.count:
+        # One batch waits at the workers for each batch that is being computed.
+        while todo and len(running) < 2 * workers.count:
             batch = todo.popleft()
             running[workers.submit(data_of(batch), part_of(batch))] = batch
-        finished = wait(running, _LOOK, FIRST_COMPLETED).done
+        finished = wait(running, LOOK, FIRST_COMPLETED).done
         if not finished:
             workers.check()
         for future in finished:
@@ -87,7 +83,7 @@ def run_batches[Answer](
                 answer = future.result()
             except WorkerDied as died:
                 again = batch._replace(deaths=batch.deaths + died.deaths)
-                if again.deaths < DEATHS:
+                if again.deaths < 3:  # three deaths at one batch are hardly chance
                     todo.appendleft(again)
                     continue
                 if batch.size > 1:

@@ -7,13 +7,14 @@ import signal
 import sys
 import threading
 import time
+from abc import ABC, abstractmethod
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cloudpickle
 from loky import ProcessPoolExecutor
@@ -21,12 +22,10 @@ from loky.backend.resource_tracker import ensure_running
 
 from pymc_hyperelastic.parallel.work import Part, Work, run_batch
 
-# Deaths of processes at one batch after which it is halved: three are hardly chance.
-DEATHS = 3
 # Seconds for which a cluster may be without any worker: it may be about to start some.
 _PATIENCE = 60.0
-# Seconds after which a worker looks whether the process that started it still runs.
-_LOOK = 1.0
+#: Seconds between two checks that the other processes still run.
+LOOK = 2.0
 # Libraries that would start threads of their own in each process.
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
@@ -43,25 +42,24 @@ class WorkersLost(OSError):
     """No worker can start, or a cluster no longer answers."""
 
 
-class Workers(Protocol):
+class Workers(ABC):
     """Workers that compute batches."""
 
-    count: int
+    count = 1
 
+    @abstractmethod
     def submit(self, data: Any, part: Part) -> Future:
         """Submit a batch. The result of the future is the answer of the work."""
 
     def check(self) -> None:
-        """Raise if no worker is left."""
+        """Raise if no worker is left: by default a worker that dies is replaced."""
 
     def close(self) -> None:
-        """Stop all workers."""
+        """Stop all workers: by default there are none."""
 
 
-class ThisProcess:
+class ThisProcess(Workers):
     """The process that asks, which does a batch when it is submitted."""
-
-    count = 1
 
     def __init__(self, work: Work, token: str) -> None:
         self._work, self._token = work, token
@@ -75,14 +73,8 @@ class ThisProcess:
             future.set_exception(error)
         return future
 
-    def check(self) -> None:
-        """The process is there."""
 
-    def close(self) -> None:
-        """Nothing is open."""
-
-
-class Processes:
+class Processes(Workers):
     """Worker processes of this machine.
 
     Each is the only one of its executor: if it dies, its batch is known, and another one takes its
@@ -100,9 +92,6 @@ class Processes:
     def submit(self, data: Any, part: Part) -> Future:
         """Let the next free worker do a batch."""
         return self._threads.submit(self._do, data, part)
-
-    def check(self) -> None:
-        """Do nothing: a worker that dies is replaced."""
 
     def close(self) -> None:
         """Stop all workers."""
@@ -185,7 +174,7 @@ def _check_work() -> None:
 def _end_with(parent: int) -> None:
     """End this process when the one that started it has been killed."""
     while os.getppid() == parent:
-        time.sleep(_LOOK)
+        time.sleep(LOOK)
     os._exit(1)
 
 
@@ -199,7 +188,7 @@ def _search_path() -> list[str]:
     return absolute + [os.path.abspath(path) for path in sys.path if not os.path.isabs(path)]
 
 
-class Cluster:
+class Cluster(Workers):
     """The workers of a Dask client; the data of a batch go there, and its part is written there.
 
     A worker may have several batches when it dies. Notes beside the parts say which of them it had

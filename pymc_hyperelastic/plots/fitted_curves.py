@@ -34,7 +34,7 @@ from pymc_hyperelastic.models.settings import (
     inflation_data_of,
     model_settings_of,
 )
-from pymc_hyperelastic.plots.curves import CURVE_POINTS, DRAWS, Array, band_rows
+from pymc_hyperelastic.plots.curves import CURVE_POINTS, Array, band_rows
 from pymc_hyperelastic.plots.residuals import (
     Points,
     errors_of,
@@ -132,7 +132,7 @@ def specimens_in(
     """
     found = []
     for of_class, tree in classes.items():
-        thinned, known = thinned_draws(tree, DRAWS), _known_specimens(tree)
+        thinned, known = thinned_draws(tree), _known_specimens(tree)
         for name, tests in specimens_apart(data[of_class]).items():
             member = name if name in known else None
             found.append(Specimen(of_class, name, thinned, tests, member))

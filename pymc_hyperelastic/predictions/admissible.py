@@ -14,12 +14,7 @@ from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import Array, checked_radii, draws_of, radii_of_data
 from pymc_hyperelastic.predictions.measured import warned
-
-# Number of equidistant circles of each layer at which the Baker-Ericksen inequalities are checked.
-_CIRCLES = 11
-# Logarithms of stretches that differ by less count as equal: rounding errors could reverse their
-# order.
-_SAME_STRETCH = 1e-6
+from pymc_hyperelastic.rounding import ROUNDING
 
 
 @one_thread
@@ -51,7 +46,7 @@ def is_admissible(
     result : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
-        Current internal radii, mm; by default 40 equidistant radii over the range of the
+        Current internal radii, mm; by default 50 equidistant radii over the range of the
         result's data.
     tube, specimen, energy
         See :func:`predict_pressure`.
@@ -101,7 +96,7 @@ def is_admissible(
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
     draws = draws_of(result, tube, specimen, energy)
-    radius = (
+    radius = draws.at_each_stretch(
         radii_of_data(draws.member.data)
         if internal_radius is None
         else checked_radii(internal_radius)
@@ -129,15 +124,16 @@ def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
     passed: Any = True
     for layer in tube.layers:
         thickness = layer.outer_radius - layer.inner_radius
-        reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
+        reference = layer.inner_radius + np.linspace(0.0, 1.0, 11) * thickness
         circles = tube.circles(layer, radius, reference)
         log_radial = -circles.log_hoop - circles.log_axial
         # Differences from the radial stress. NaN, after an overflow, fails the inequality.
         stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
         stretch = (log_radial, circles.log_hoop, circles.log_axial)
         with np.errstate(invalid="ignore"):
+            # Rounding errors could reverse the order of equal stretches.
             holds = [
-                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
+                (np.abs(stretch[i] - stretch[j]) < ROUNDING)
                 | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
                 for i, j in ((0, 1), (1, 2), (2, 0))
             ]

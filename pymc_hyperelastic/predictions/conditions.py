@@ -77,7 +77,7 @@ class Conditions:
     density: float = 1060.0
 
     def __post_init__(self) -> None:
-        self._in_kilopascal(1.0)  # raise if the unit is unknown
+        to_internal(1.0, self.pressure_unit, "pressure")  # raise if the unit is unknown
         # Numbers and tuples can be compared and printed, which arrays cannot.
         if self.pressure is not None:
             expected = f"pressures in {self.pressure_unit}"
@@ -116,11 +116,11 @@ class Conditions:
 
         Functions without an argument `check` warn of them, and pass None.
         """
-        return self._plausible(self.pressures, check)
+        return self._converted(self.pressures, check)
 
     def range_in_kilopascal(self, check: Check | None = None) -> Array:
         """Return the diastolic and the systolic pressure in kPa, as :meth:`in_kilopascal` does."""
-        return self._plausible(self.pressure_range, check)
+        return self._converted(self.pressure_range, check)
 
     def geometry(self) -> dict[str, Any]:
         """Return the stated radii (mm), axial stretch and opening angle (rad) of the tube."""
@@ -132,27 +132,21 @@ class Conditions:
         attributes = found["pressure"].attrs | {"units": self.pressure_unit}
         return found.assign_coords(pressure=("pressure", values, attributes))
 
-    def _plausible(self, pressures: Any, check: Check | None) -> Array:
-        converted = self._in_kilopascal(pressures)
+    def _converted(self, pressures: Any, check: Check | None) -> Array:
+        converted = to_internal(pressures, self.pressure_unit, "pressure")
         check_plausible_pressures(converted, check)
         return converted
 
-    def _in_kilopascal(self, pressures: Any) -> Array:
-        return to_internal(pressures, self.pressure_unit, "pressure")
-
     def _checked_range(self) -> tuple[float, float]:
         """Return the diastolic and the systolic pressure; raise unless they increase."""
-        words = (
-            "pressure_range must be a diastolic and a higher systolic pressure in "
-            f"{self.pressure_unit}; got {self.pressure_range!r}"
-        )
-        if np.shape(self.pressure_range) != (2,):
-            raise ValueError(words)
         expected = f"two pressures in {self.pressure_unit}"
-        low, high = checked_numbers("pressure_range", self.pressure_range, expected).tolist()
-        if not 0 <= low < high:
-            raise ValueError(words)
-        return low, high
+        numbers = checked_numbers("pressure_range", self.pressure_range, expected).tolist()
+        if len(numbers) != 2 or not 0 <= numbers[0] < numbers[1]:
+            raise ValueError(
+                "pressure_range must be a diastolic and a higher systolic pressure in "
+                f"{self.pressure_unit}; got {self.pressure_range!r}"
+            )
+        return numbers[0], numbers[1]
 
 
 def as_conditions(at: Conditions | float | Sequence[float] | Any) -> Conditions:

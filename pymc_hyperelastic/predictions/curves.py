@@ -13,10 +13,8 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.draws import Array, Draws, checked_radii, draws_of
-from pymc_hyperelastic.predictions.measured import warn_user, warned
-
-# Force below which a force counts as zero up to rounding errors, mN.
-NO_FORCE = 1e-9
+from pymc_hyperelastic.predictions.measured import Extrapolated, warn_user, warned
+from pymc_hyperelastic.rounding import ROUNDING
 
 
 @one_thread
@@ -102,14 +100,8 @@ def predict_pressure(
     """
     draws = draws_of(result, tube, specimen, energy)
     radius = draws.at_each_stretch(checked_radii(internal_radius))
-    warned(draws.extrapolated_radii(radius))
-    return pressure_curve(draws, radius)
-
-
-def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Return what :func:`predict_pressure` returns, for radii in mm, without a warning."""
+    extrapolated = warned(draws.extrapolated_radii(radius))
     pressure, stiffness = draws.tube.pressure(radius)
-    extrapolated = draws.extrapolated_radii(radius)
     return draws.dataset({"radius": radius}, extrapolated, pressure=pressure, stiffness=stiffness)
 
 
@@ -174,24 +166,17 @@ def predict_axial_force(
     """
     draws = draws_of(result, tube, specimen, energy)
     radius = draws.at_each_stretch(checked_radii(internal_radius))
-    warned(draws.extrapolated_radii(radius))
-    force = force_curve(draws, radius)
-    # Do not warn about a tube at rest, where pressure and force are 0 for every material.
-    if np.any(np.abs(draws.tube.pressure(radius)[0] * radius**2) > NO_FORCE):
-        warn_of_no_force(force["axial_force"])
-    return force
-
-
-def force_curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Return what :func:`predict_axial_force` returns, for radii in mm, without a warning."""
-    extrapolated = draws.extrapolated_radii(radius)
+    extrapolated = warned(draws.extrapolated_radii(radius))
     force = draws.tube.axial_force(radius)
+    # Do not warn about a tube at rest, where pressure and force are 0 for every material.
+    if np.any(np.abs(draws.tube.pressure(radius)[0] * radius**2) > ROUNDING):
+        warn_of_no_force(force)
     return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
 
 
-def warn_of_no_force(force: xr.DataArray) -> None:
+def warn_of_no_force(force: Any) -> None:
     """Warn if all axial forces of an inflated tube are 0."""
-    if not np.any(np.abs(force) > NO_FORCE):
+    if not np.any(np.abs(force) > ROUNDING):
         warn_user(
             "the axial force is 0 at all of these radii, whatever the parameters: at this axial "
             "stretch the strain energy cannot describe a measured force"
@@ -273,8 +258,19 @@ def radius_at_pressure(
     """
     at = as_conditions(at)
     draws = draws_of(result, at.tube, specimen, energy)
-    pressure = draws.at_each_stretch(at.in_kilopascal(check))
-    radius = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, at.pressure_unit))
+    pressure, radius, extrapolated = inflated(draws, at, check)
     found = draws.dataset({"pressure": pressure}, extrapolated, radius=radius)
     return at.label_pressures(found)
+
+
+def inflated(
+    draws: Draws, at: Conditions, check: Check
+) -> tuple[Array, Array, Extrapolated | None]:
+    """Return pressures (kPa), radii (mm) at them, and flags; warn of extrapolated pressures."""
+    pressure = draws.at_each_stretch(at.in_kilopascal(check))
+    radius = draws.radius_at(pressure)
+    return (
+        pressure,
+        radius,
+        warned(draws.extrapolated_pressures(pressure, radius, at.pressure_unit)),
+    )

@@ -32,10 +32,6 @@ from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 
-# Number of equidistant radii between the smallest and the largest of the data: enough for a smooth
-# curve.
-_RADII = 40
-
 
 class Draws(NamedTuple):
     """Material and tube of each draw of a posterior."""
@@ -55,12 +51,6 @@ class Draws(NamedTuple):
     """Specimen whose parameters and tests are used."""
     of_class: str | None = None
     """Name of the class, if the result is one of several classes."""
-
-    @property
-    def tests(self) -> xr.Dataset | None:
-        """Tests of the specimen, on tubes with the median geometry."""
-        data = self.member.data
-        return None if data is None else typical_tests(data, self.inferred)
 
     @property
     def measured(self) -> Measured | None:
@@ -85,18 +75,12 @@ class Draws(NamedTuple):
             If the numbers of points and axial stretches differ, and both exceed one.
         """
         count = np.size(self.typical["axial_stretch"])
-        if points.size == 1 and count > 1:
-            return np.full(count, points[0])
-        self._check_stretches(points)
-        return points
-
-    def _check_stretches(self, points: Array) -> None:
-        count = np.size(self.typical["axial_stretch"])
-        if count not in (1, points.size):
+        if points.size > 1 and count not in (1, points.size):
             raise ValueError(
                 f"axial_stretch has {count} values, and there are {points.size} radii or "
                 "pressures: expected one axial stretch, or one for each radius or pressure"
             )
+        return np.broadcast_to(points, max(count, points.size))
 
     def radius_at(self, pressure: Array) -> Array:
         """Return internal radii (mm), (chain, draw, pressure), on the rising branch of the curve.
@@ -108,7 +92,6 @@ class Draws(NamedTuple):
         ValueError
             If no draw reaches any of the pressures.
         """
-        self._check_stretches(pressure)
         radius = self.tube.radius_at(pressure)
         several = np.size(self.typical["axial_stretch"]) > 1
         _report_unreached(radius, pressure, several, self.of_class)
@@ -116,7 +99,6 @@ class Draws(NamedTuple):
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
         """Flag internal radii outside the measured range; None if the result has no data."""
-        self._check_stretches(radius)
         measured = self.measured
         if measured is None:
             return None
@@ -153,12 +135,16 @@ class Draws(NamedTuple):
             coords["extrapolated"] = next(iter(axes)), extrapolated.points
         if axes and np.ndim(self.typical["axial_stretch"]):
             coords["axial_stretch"] = next(iter(axes)), self.typical["axial_stretch"]
-        result = xr.Dataset(values, coords)
-        if self.member.name is not None:
-            result.attrs["specimen"] = self.member.name
-        for name in set(result.variables) & set(IN_RESULTS):
-            result[name].attrs = IN_RESULTS[name].attributes
-        return result
+        return labelled(xr.Dataset(values, coords), self.member)
+
+
+def labelled(found: xr.Dataset, member: Member) -> xr.Dataset:
+    """Add units and long names to a prediction, and the name of the specimen."""
+    if member.name is not None:
+        found.attrs["specimen"] = member.name
+    for name in set(found.variables) & set(IN_RESULTS):
+        found[name].attrs = IN_RESULTS[name].attributes
+    return found
 
 
 def draws_of(
@@ -244,19 +230,14 @@ def stated_geometry(tube: Tube) -> dict[str, Any]:
     return stated
 
 
-def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
-    """Return names of the inferred measures of the tube, with at most one measure of the wall.
+def medians_of_measures(posterior: xr.Dataset, layered: bool = False) -> dict[str, float]:
+    """Return the medians of the inferred measures of the tube; none if no tube was inferred.
 
-    The outer radius follows from this measure.
+    There is at most one measure of the wall, from which the outer radius follows.
     """
     measures = () if layered else ("outer_radius", "thickness", "wall_area")
     wall = [name for name in measures if name in posterior][:1]
-    return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
-
-
-def medians_of_measures(posterior: xr.Dataset, layered: bool = False) -> dict[str, float]:
-    """Return the medians of the inferred measures of the tube; none if no tube was inferred."""
-    names = _inferred_measures(posterior, layered)
+    names = [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
     return {name: float(np.median(values_by_draw(posterior, name))) for name in names}
 
 
@@ -363,7 +344,7 @@ def radii_of_data(data: xr.Dataset | None) -> Array:
     measured = measured[np.isfinite(measured)]
     if not measured.size:
         raise ValueError("the result holds no measured radii: give internal_radius=...")
-    return np.linspace(measured.min(), measured.max(), _RADII)
+    return np.linspace(measured.min(), measured.max())
 
 
 def _report_unreached(

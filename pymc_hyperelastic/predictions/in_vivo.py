@@ -19,17 +19,6 @@ from pymc_hyperelastic.rounding import ROUNDING
 # Axial stretches that bracket the in vivo stretch. Neighbours are so close that a change of sign
 # between them is a single root. The ends are stated in the docstring of tube_properties.
 _STRETCHES = np.geomspace(0.8, 2.5, 9)
-# Relative tolerance of the in vivo stretch.
-_TOLERANCE = 1e-9
-# Largest change of force that may remain at a root, as a fraction of the thrust π a² p: a jump of
-# the force through zero is no root.
-_NO_RISE = 1e-6
-# Largest number of Newton steps for a radius.
-_STEPS = 8
-# Longest Newton step, relative to the radius: it limits overshooting.
-_LARGEST_STEP = 0.1
-# Relative Newton step below which the radius has converged.
-_LAST_STEP = 1e-6
 
 
 def between_pressures(draws: Draws, at: Conditions, check: Check) -> xr.Dataset:
@@ -39,14 +28,12 @@ def between_pressures(draws: Draws, at: Conditions, check: Check) -> xr.Dataset:
     ``in_vivo_extrapolated`` flag extrapolation, with a warning. Draws without an in vivo stretch,
     and data without an axial force, also cause warnings.
     """
-    pressure, unit = at.range_in_kilopascal(check), at.pressure_unit
+    pressure, unit = draws.at_each_stretch(at.range_in_kilopascal(check)), at.pressure_unit
     radius = draws.radius_at(pressure)
     stored = draws.tube.wall_means(radius).energy
     stretch = in_vivo_stretch(draws.tube, pressure)
     result = draws.dataset(
-        {},
-        stored_energy_change=stored[..., 1] - stored[..., 0],
-        in_vivo_axial_stretch=stretch,
+        {}, stored_energy_change=stored[..., 1] - stored[..., 0], in_vivo_axial_stretch=stretch
     )
     undefined = np.isnan(stretch)
     result["in_vivo_axial_stretch"].attrs["draws_without"] = int(undefined.sum())
@@ -102,13 +89,13 @@ def in_vivo_stretch(tube: TubeNumbers, pressure: Array) -> Array:
     """
     draws, shape = _flat(tube)
     count = shape[0] * shape[1]
-    near = np.full((count, 2), np.nan)
 
     def rise(stretch: Array, draw: NDArray[np.intp]) -> Array:
-        """Return the relative change of force of draws; start from their last radii."""
+        """Return the change of force of draws at a stretch, divided by the thrust π a² p."""
         stretched = draws.each(lambda value: value[draw]).stretched(stretch[:, None])
-        near[draw] = _radius(stretched, pressure, near[draw])
-        return _rise(stretched, pressure, near[draw])
+        radius = stretched.radius_at(pressure)
+        force = stretched.axial_force(radius)
+        return (force[:, 1] - force[:, 0]) / (np.pi * radius[:, 1] ** 2 * pressure[1])
 
     falls, rises = np.full(count, np.nan), np.full(count, np.nan)
     active = np.arange(count)
@@ -125,13 +112,11 @@ def in_vivo_stretch(tube: TubeNumbers, pressure: Array) -> Array:
             lambda stretch, draw: rise(stretch, draw.astype(int)),
             (falls[bracketed], rises[bracketed]),
             args=(bracketed,),
-            tolerances={"xrtol": _TOLERANCE},
+            tolerances={"xrtol": ROUNDING},
         )
-        # Check each root with radii on the rising branch, which Newton's method may have left. The
-        # check also rejects forces that jump through zero.
-        at_root = draws.each(lambda value: value[bracketed]).stretched(root.x[:, None])
-        left = np.abs(_rise(at_root, pressure, at_root.radius_at(pressure)))
-        found[bracketed] = np.where(root.success & (left < _NO_RISE), root.x, np.nan)
+        # A force that jumps through zero has no root: the change does not become small there.
+        is_root = root.success & (np.abs(root.f_x) < 1e-6)
+        found[bracketed] = np.where(is_root, root.x, np.nan)
     return found.reshape(shape)
 
 
@@ -142,28 +127,3 @@ def _flat(tube: TubeNumbers) -> tuple[TubeNumbers, tuple[int, int]]:
     chains, draws, _ = np.broadcast_shapes(*geometry, *entries)
     flat = tube.each(lambda value: np.broadcast_to(value, (chains, draws, 1)).reshape(-1, 1))
     return flat, (chains, draws)
-
-
-def _rise(tube: TubeNumbers, pressure: Array, radius: Array) -> Array:
-    """Return the change of the reduced axial force, divided by the thrust π a² p."""
-    force = tube.axial_force(radius)
-    return (force[:, 1] - force[:, 0]) / (np.pi * radius[:, 1] ** 2 * pressure[1])
-
-
-def _radius(tube: TubeNumbers, pressure: Array, near: Array) -> Array:
-    """Return radii (mm) at pressures (kPa) by Newton's method from the radii `near`.
-
-    Tubes for which this fails get the radius from a search along the rising branch.
-    """
-    radius, step = near, np.full(near.shape, np.nan)
-    for _ in range(_STEPS):
-        value, slope = tube.pressure(radius)
-        with np.errstate(all="ignore"):
-            step = np.where(slope > 0, (pressure - value) / (slope * radius), np.nan)
-        radius = radius * (1 + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
-        if not np.any(np.abs(step) > _LAST_STEP):
-            break
-    lost = ~(np.abs(step) <= _LAST_STEP).all(axis=1)
-    if lost.any():
-        radius[lost] = tube.each(lambda value: value[lost]).radius_at(pressure)
-    return radius

@@ -83,15 +83,9 @@ class Measured(NamedTuple):
         """
         stretches = np.broadcast_to(tube["axial_stretch"], pressure.shape)
         comparable = np.array([self._on(tube, stretch) for stretch in stretches])
-        any_comparable = comparable.any(axis=1)
-        low, high = (
-            np.where(
-                any_comparable, extreme(np.where(comparable, of_tests, filler), axis=1), np.nan
-            )
-            for extreme, of_tests, filler in zip(
-                (np.min, np.max), self.pressure, (np.inf, -np.inf), strict=True
-            )
-        )
+        # Without a comparable test the ends are NaN, and every pressure is beyond them.
+        lowest, highest = np.where(comparable, self.pressure[:, None], np.nan)
+        low, high = np.fmin.reduce(lowest, axis=1), np.fmax.reduce(highest, axis=1)
         beyond = ~_between(pressure, low, high)
         words = f"pressure {_in_both_units(pressure[beyond])}"
         if comparable.all():

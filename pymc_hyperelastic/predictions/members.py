@@ -41,10 +41,8 @@ Array = NDArray[np.float64]
 
 # Name of the typical specimen: the specimen at the location of the class.
 TYPICAL = "typical"
-# Seed of the resampling of a specimen's draws: fixed, so that every call returns the same draws.
-_SEED = 1
-
-
+#: Seed of the draws of a prediction: fixed, so that every call returns the same draws.
+SEED = 1
 # Variables of the group "specimens" of a fitted class, and their dimensions for one specimen.
 _DRAWS: dict[str, tuple[str, ...]] = {
     "centre": ("coordinate", "particle"),
@@ -194,7 +192,7 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
             "specimen out, or use a result of ph.population_model, which has the parameters of "
             "each specimen"
         )
-    scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
+    scale, rng = _scale(tree, wall), np.random.default_rng(SEED)
     draws = stored_draws(tree, specimen)
     if np.isinf(draws.standard_error):
         warn_user(

@@ -9,12 +9,11 @@ from pymc_hyperelastic.evidence.stored import read_numbers
 from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
+from pymc_hyperelastic.predictions.members import SEED
 from pymc_hyperelastic.quantities import QUANTITIES
 
 # Dimension of tests of tubes in results that hold tests of sheets, too.
 _TUBE_TEST = "tube_test"
-# Seed of the draws of the offsets: fixed, so that every call returns the same draws.
-_SEED = 1
 
 
 @one_thread
@@ -76,7 +75,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
     mean, error = (_by_test(tree, name) for name in OFFSET_VARIABLES)
-    offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
+    offset = mean + error * np.random.default_rng(SEED).standard_normal(mean.shape)
     offset.attrs = QUANTITIES["force_offset"].attributes
     return offset.to_dataset(name="force_offset")
 

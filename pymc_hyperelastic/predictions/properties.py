@@ -11,9 +11,9 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
+from pymc_hyperelastic.predictions.curves import inflated
 from pymc_hyperelastic.predictions.draws import Array, Draws, draws_of
 from pymc_hyperelastic.predictions.in_vivo import between_pressures
-from pymc_hyperelastic.predictions.measured import warned
 
 # Properties that are marked with a comment if no axial force was measured: pressures alone hardly
 # inform about them.
@@ -196,9 +196,7 @@ def tube_properties(
     draws = draws_of(result, at.tube, specimen, energy)
     found = xr.Dataset()
     if at.pressure is not None or at.pressure_range is None:
-        pressure = draws.at_each_stretch(at.in_kilopascal(check))
-        a = draws.radius_at(pressure)
-        extrapolated = warned(draws.extrapolated_pressures(pressure, a, at.pressure_unit))
+        pressure, a, extrapolated = inflated(draws, at, check)
         properties = _of_the_curve(draws, a, at.density) | _of_the_wall(draws, a, pressure)
         found = at.label_pressures(
             draws.dataset({"pressure": pressure}, extrapolated, **properties)

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -13,7 +14,7 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy
 from pymc_hyperelastic.models.forward import numeric_stresses
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.predictions.draws import medians_of_measures
+from pymc_hyperelastic.predictions.draws import labelled, medians_of_measures
 from pymc_hyperelastic.predictions.measured import (
     Extrapolated,
     ends_in_words,
@@ -29,9 +30,6 @@ from pymc_hyperelastic.quantities import IN_RESULTS, SHEET_MEASURES
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
-
-# Draws whose free stretches give the median ones of the tests, which bound the measured range.
-_SOME = 100
 
 
 @one_thread
@@ -123,7 +121,7 @@ def predict_stress(
     """
     stretches = _checked_stretches(stretch_x, stretch_y)
     draws = sheet_draws_of(result, specimen, energy)
-    found = stresses_of_sheet(draws, stretches, np.full(stretches["x"].shape, bool(nominal)))
+    found = _stresses(draws, stretches, nominal)
     _warn_of_no_lateral_stretch(found, stretches)
     extrapolated = warned(draws.extrapolated(stretches))
     if extrapolated is not None:
@@ -169,17 +167,15 @@ class SheetDraws(NamedTuple):
 
     def _measured(self, data: xr.Dataset) -> "_Measured | None":
         """Return the stretches of the tests; None if no tube of the data is known."""
-        x, y = [np.zeros(1)], [np.zeros(1)]  # the unloaded sheet
-        alone = {"x": np.zeros(1), "y": np.zeros(1)}
+        logs = {axis: np.zeros(1) for axis in "xy"}  # the unloaded sheet
+        alone = dict(logs)
         sheets, tubes = sheets_of(data), tubes_of(data)
         if sheets is not None:
             stretches = {axis: sheets[f"stretch_{axis}"].values.astype(float) for axis in "xy"}
-            logs = self._log_stretches(stretches)
-            x.append(logs["x"])
-            y.append(logs["y"])
-            for axis, other in ("xy", "yx"):
-                free = np.isnan(stretches[other])
-                alone[axis] = np.append(alone[axis], logs[axis][free])
+            for axis, found in self._log_stretches(stretches).items():
+                free = np.isnan(stretches["y" if axis == "x" else "x"])
+                logs[axis] = np.append(logs[axis], found)
+                alone[axis] = np.append(alone[axis], found[free])
         if tubes is not None:
             medians = medians_of_measures(self.member.posterior)
             walls = measured_by(typical_tests(tubes, medians))
@@ -187,9 +183,8 @@ class SheetDraws(NamedTuple):
                 return None
             if walls is not None:
                 hoop = np.log(walls.hoop_stretches())
-                x.append(hoop.ravel())
-                y.append(np.broadcast_to(np.log(walls.tubes["axial_stretch"]), hoop.shape).ravel())
-        logs = {"x": np.concatenate(x), "y": np.concatenate(y)}
+                axial = np.broadcast_to(np.log(walls.tubes["axial_stretch"]), hoop.shape)
+                logs = {"x": np.append(logs["x"], hoop), "y": np.append(logs["y"], axial)}
         if isinstance(self.energy, IsotropicStrainEnergy):
             # The same material stands along both axes.
             logs = {"x": np.append(logs["x"], logs["y"]), "y": np.append(logs["y"], logs["x"])}
@@ -197,22 +192,14 @@ class SheetDraws(NamedTuple):
         return _Measured(logs, {axis: (v.min(), v.max()) for axis, v in alone.items()})
 
     def _log_stretches(self, stretches: Mapping[str, Array]) -> dict[str, Array]:
-        """Return logarithms of stretches; a free one is the median over some of the draws."""
+        """Return logarithms of stretches; a free one is the median over the draws that have it."""
         logs = {axis: np.log(values) for axis, values in stretches.items()}
         for axis in "xy":
             free = np.isnan(stretches[axis])
             if free.any():
                 points = {name: values[free] for name, values in stretches.items()}
-                some = self._replace(entries=[_some(entry) for entry in self.entries])
-                found = some.stresses(points)
-                lateral = found[f"log_{axis}"]
-                known = np.isfinite(lateral)
-                # A draw without a lateral stretch does not count; without any the point is beyond.
-                filled = np.where(known, lateral, np.nan)
-                logs[axis][free] = [
-                    np.median(of[np.isfinite(of)]) if np.isfinite(of).any() else np.nan
-                    for of in filled.reshape(-1, filled.shape[-1]).T
-                ]
+                lateral = self.stresses(points)[f"log_{axis}"]
+                logs[axis][free] = pd.DataFrame(lateral.reshape(-1, free.sum())).median()
         return logs
 
     def measured(
@@ -283,13 +270,8 @@ def sheet_draws_of(
     return SheetDraws(law, law.split(values[0]), member, result.name, ratios)
 
 
-def stresses_of_sheet(
-    draws: SheetDraws, stretches: Mapping[str, Array], nominal: NDArray[np.bool_]
-) -> xr.Dataset:
-    """Return what :func:`predict_stress` returns, without a warning and extrapolated points.
-
-    There is one stretch along each axis, NaN if free, and one measure of stress for each point.
-    """
+def _stresses(draws: SheetDraws, stretches: Mapping[str, Array], nominal: bool) -> xr.Dataset:
+    """Return what :func:`predict_stress` returns, without a warning and extrapolated points."""
     found = draws.stresses(stretches)
     dims = ("chain", "draw", "point")
     posterior = draws.member.posterior
@@ -299,16 +281,11 @@ def stresses_of_sheet(
         given, lateral = stretches[axis], np.exp(found[f"log_{axis}"])
         is_free = np.isnan(given)
         # Given stretches are not changed by a logarithm.
-        values = np.where(is_free, lateral, given) if is_free.any() else given
-        coords[f"stretch_{axis}"] = (dims if is_free.any() else ("point",), values)
-        stress = np.where(nominal, found[axis] / lateral, found[axis])
-        variables[f"stress_{axis}"] = (dims, stress)
-    dataset = xr.Dataset(variables, coords)
-    if draws.member.name is not None:
-        dataset.attrs["specimen"] = draws.member.name
-    for name in set(dataset.variables) & set(IN_RESULTS):
-        dataset[name].attrs = IN_RESULTS[name].attributes
-    return dataset
+        coords[f"stretch_{axis}"] = (
+            (dims, np.where(is_free, lateral, given)) if is_free.any() else ("point", given)
+        )
+        variables[f"stress_{axis}"] = (dims, found[axis] / lateral if nominal else found[axis])
+    return labelled(xr.Dataset(variables, coords), draws.member)
 
 
 def _checked_stretches(stretch_x: Any, stretch_y: Any) -> dict[str, Array]:
@@ -374,9 +351,3 @@ def _between(x: Array, low: Any, high: Any) -> NDArray[np.bool_]:
     """Return True for logarithms of stretches in a range, up to rounding errors."""
     margin = 10.0**-DIGITS
     return np.asarray((x >= low - margin) & (x <= high + margin))
-
-
-def _some(entry: Array) -> Array:
-    """Return an entry, (chain, draw, 1), at some of the draws of all chains."""
-    step = max(1, -(-entry.shape[1] // _SOME))
-    return entry[:, ::step]

@@ -11,8 +11,8 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
+from pymc_hyperelastic.predictions.curves import inflated
 from pymc_hyperelastic.predictions.draws import checked_numbers, draws_of
-from pymc_hyperelastic.predictions.measured import warned
 
 
 @one_thread
@@ -92,14 +92,12 @@ def wall_stress(
     """
     at = as_conditions(at)
     draws = draws_of(result, at.tube, specimen, energy)
-    pressure = draws.at_each_stretch(at.in_kilopascal(check))
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
-    radius = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, at.pressure_unit))
+    pressure, radius, extrapolated = inflated(draws, at, check)
     stresses = draws.tube.with_axis().stresses(radius[..., None], position)
     found = draws.dataset(
         {"pressure": pressure, "position": position},

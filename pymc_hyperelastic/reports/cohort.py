@@ -4,24 +4,19 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pymc_hyperelastic.cohort import QUANTILES
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.quantities import unit_text
-from pymc_hyperelastic.reports.decisions import (
-    failed_of,
-    names_of,
-    warn_of_messages,
-)
+from pymc_hyperelastic.reports.decisions import failed_of, names_of, warn_of_messages
 from pymc_hyperelastic.reports.meanings import quantity_in_words
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import BAD, CAUTION, Page, plural
 
-# Quantiles over the specimens.
-_QUANTILES = {"2.5 %": 0.025, "median": 0.5, "97.5 %": 0.975}
 _NOTE = (
     "The quantiles are those of the posterior medians of the specimens; the last column is the "
     "uncertainty of one specimen."
 )
-_HEADINGS = [f"{name} of the specimens" for name in _QUANTILES]
+_HEADINGS = [f"{name.replace('50 %', 'median')} of the specimens" for name in QUANTILES]
 
 
 def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
@@ -85,4 +80,4 @@ def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
 
 
 def _quantiles(values: xr.DataArray) -> list[float]:
-    return values.quantile([*_QUANTILES.values()]).values.tolist()
+    return values.quantile([*QUANTILES.values()]).values.tolist()

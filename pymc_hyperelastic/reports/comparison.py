@@ -14,17 +14,17 @@ from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
     NOTE,
+    PRESSURES,
     Page,
     frame_of,
     in_words,
     listed,
+    percent,
 )
 from pymc_hyperelastic.rounding import DIGITS, short
 
 # Sensitivity above which the prior influences a difference (Kallioinen et al. 2024).
 _SENSITIVE = 0.05
-# Pressures of a curve that the tables show.
-_MOST_PRESSURES = 3
 
 
 def _check(result: xr.Dataset, page: Page) -> None:
@@ -65,12 +65,11 @@ def show_comparison(result: xr.Dataset, page: Page) -> None:
     """Add differences as a figure and tables."""
     _check(result, page)
     _add_methods(result, page)
-    prob = float(result.attrs["interval"])
     page.figure(
         "Differences between groups",
         plot_comparison,
         result,
-        note=f"Median and {100 * prob:.3g} % interval of the posterior.",
+        note=f"Median and {percent(result.attrs['interval'])} interval of the posterior.",
     )
     if (tube := read_json(result, "tube", {})) and is_of_tubes(result):
         page.text(f"All materials are compared in one tube: {tube_in_words(tube)}.")
@@ -98,7 +97,7 @@ def _thinned(result: xr.Dataset) -> xr.Dataset:
     """Return some pressures of a curve."""
     if "pressure" not in result.dims:
         return result
-    return result.isel(pressure=evenly(result.sizes["pressure"], _MOST_PRESSURES))
+    return result.isel(pressure=evenly(result.sizes["pressure"], PRESSURES))
 
 
 def _finding(result: xr.Dataset) -> str:
@@ -107,7 +106,7 @@ def _finding(result: xr.Dataset) -> str:
     typical = typical.stack(place=["quantity", *({"pressure"} & {*typical.dims})])
     direction = typical["probability_of_direction"].fillna(0.0).values.round(DIGITS)
     own = typical.isel(place=int(direction.argmax()))
-    prob = f"{100 * float(result.attrs['interval']):.3g} %"
+    prob = percent(result.attrs["interval"])
     interval = frame_of(own.expand_dims("place"), "difference_interval", "place").iloc[0, 0]
     unit = "" if own["unit"].item() == "1" else f" {own['unit'].item()}"
     low, high = typical["difference_interval"].transpose("bound", ...).values
@@ -130,18 +129,15 @@ def _finding(result: xr.Dataset) -> str:
 
 def _show_values(result: xr.Dataset, page: Page) -> None:
     """Add the statistics of each quantity, with a column for each group."""
-    dims = ["quantity", "statistic", *({"pressure"} & {*result.dims})]
     tables = []
     for group in result["group"].values.tolist():
-        names = " ".join(["quantity statistic", *dims[2:], "unit value_interval"])
-        own = frame_of(result.sel(group=group, drop=True), names, *dims)
+        own = _frame(result.sel(group=group, drop=True), "statistic", "unit value_interval")
         tables.append(own.rename(columns={own.columns[-1]: f"group {group}"}))
     frame = pd.concat([tables[0], *(table.iloc[:, -1] for table in tables[1:])], axis=1)
-    frame["quantity"] = frame["quantity"].map(quantity_in_words)
     page.table(
         "Values of the groups",
         frame,
-        f"Median ({100 * float(result.attrs['interval']):.3g} % interval) of the posterior. A "
+        f"Median ({percent(result.attrs['interval'])} interval) of the posterior. A "
         "typical specimen is the middle one of its group; mean and spread are the mean and the "
         "standard deviation over all specimens of the group, measured or not.",
     )
@@ -149,49 +145,50 @@ def _show_values(result: xr.Dataset, page: Page) -> None:
 
 def _show_differences(result: xr.Dataset, page: Page) -> None:
     """Add the differences of the typical specimens of the groups."""
-    dims = ["quantity", "comparison", *({"pressure"} & {*result.dims})]
-    typical = _with_ratios(result.sel(statistic="typical", drop=True))
     names = (
-        f"{' '.join(dims)} unit difference_interval ratio_interval probability_of_rise "
-        "effect_size_interval best_accuracy"
+        "unit difference_interval ratio_interval probability_of_rise effect_size_interval "
+        "best_accuracy"
     )
-    frame = frame_of(typical, names, *dims)
-    frame["quantity"] = frame["quantity"].map(quantity_in_words)
+    typical = _with_ratios(result.sel(statistic="typical", drop=True))
     page.table(
         "Differences of the typical specimens",
-        frame,
+        _frame(typical, "comparison", names),
         "The ratio is that of the two groups. Effect sizes are differences in standard deviations "
         "between specimens. The best accuracy is the share of single new specimens that this "
         "quantity could at best assign to the right group; 0.5 is guessing.",
     )
 
 
+def _frame(result: xr.Dataset, dim: str, names: str) -> pd.DataFrame:
+    """Return variables by quantity in words, a further dimension, and pressure if there are any."""
+    dims = ["quantity", dim, *({"pressure"} & {*result.dims})]
+    frame = frame_of(result, f"{' '.join(dims)} {names}", *dims)
+    frame["quantity"] = frame["quantity"].map(quantity_in_words)
+    return frame
+
+
 def _with_ratios(typical: xr.Dataset) -> xr.Dataset:
     """Add the ratios of quantities whose logarithms were compared."""
     names = typical["quantity"].values.tolist()
     of_logs = xr.DataArray([n.startswith(("log ", "log_")) for n in names], dims="quantity")
-    ratios = {
-        ratio: typical[ratio].where(~of_logs, np.exp(typical[difference]))
-        for ratio, difference in (
-            ("ratio", "difference"),
-            ("ratio_interval", "difference_interval"),
-        )
-        if ratio in typical
-    }
-    return typical.assign(ratios)
+    return typical.assign(
+        {
+            f"ratio{part}": typical[f"ratio{part}"].where(
+                ~of_logs, np.exp(typical[f"difference{part}"])
+            )
+            for part in ("", "_interval")
+            if f"ratio{part}" in typical
+        }
+    )
 
 
 def show_diagnosis(result: xr.Dataset, page: Page) -> None:
     """Add how far priors and data decide the differences."""
-    dims = ["quantity", "comparison", *({"pressure"} & {*result.dims})]
-    names = f"{' '.join(dims)} prior_sensitivity likelihood_sensitivity"
     typical = _thinned(result).sel(statistic="typical", drop=True)
     if "prior_sensitivity" in typical:
-        frame = frame_of(typical, names, *dims)
-        frame["quantity"] = frame["quantity"].map(quantity_in_words)
         page.table(
             "Sensitivity of the differences",
-            frame,
+            _frame(typical, "comparison", "prior_sensitivity likelihood_sensitivity"),
             "Changes of a difference as the prior, or the likelihood, is raised to a power near 1. "
             f"Above {_SENSITIVE}, the prior or the data influence the difference.",
         )
@@ -213,7 +210,7 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
     page.methods += [
         f"The groups {listed(result['group'].values.tolist())} were compared by the posterior of "
         f"the difference of their typical specimens in {listed(words)}{at}{tube}; "
-        f"intervals hold {100 * float(result.attrs['interval']):.3g} %.",
+        f"intervals hold {percent(result.attrs['interval'])}.",
         f"In total, {count} differences were compared, without a correction for their number."
         if count > 1
         else "One difference was compared.",

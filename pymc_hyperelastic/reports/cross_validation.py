@@ -9,15 +9,7 @@ from pymc_hyperelastic.evidence.verdicts import BAD as UNRELIABLE
 from pymc_hyperelastic.evidence.verdicts import DOUBTFUL
 from pymc_hyperelastic.plots.calibration import plot_reliability
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
-from pymc_hyperelastic.reports.page import (
-    BAD,
-    CAUTION,
-    NOTE,
-    Page,
-    frame_of,
-    in_words,
-    plural,
-)
+from pymc_hyperelastic.reports.page import BAD, CAUTION, NOTE, Page, frame_of, in_words, plural
 from pymc_hyperelastic.rounding import short
 
 # Specimens below which the reliability of probabilities is hardly known.

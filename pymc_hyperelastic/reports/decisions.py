@@ -14,6 +14,8 @@ from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
+    MOST_LISTED,
+    PROB,
     Page,
     frame_of,
     in_words,
@@ -24,14 +26,8 @@ from pymc_hyperelastic.rounding import DIGITS, short
 
 # P-value below which a specimen is atypical of a class.
 _ATYPICAL = 0.05
-# Panels of one figure at most.
-_MOST_PANELS = 24
 # Specimens that are shown one by one at most; of more, those with the least clear class.
 _MOST_SHOWN = 200
-# Probability from which on a class is clear.
-_CLEAR = 0.95
-# Different error messages that are listed at most.
-_MOST_MESSAGES = 10
 _LAW_COLUMNS = "strain_energy strain_energy_probability strain_energy_log_evidence"
 # Decisions that name no class, in words of the table and the summary.
 _NO_CLASS = {
@@ -79,10 +75,10 @@ def warn_of_messages(result: xr.Dataset, page: Page) -> None:
             continue
         messages = result[variable].values.astype(str)
         different = sorted({*messages.tolist()} - {""})
-        for message in different[:_MOST_MESSAGES]:
+        for message in different[:MOST_LISTED]:
             words = f"{listed(names[messages == message])}: {message}"
             page.notice(CAUTION, words, "Look at the data of these specimens")
-        rest = np.isin(messages, different[_MOST_MESSAGES:])
+        rest = np.isin(messages, different[MOST_LISTED:])
         if rest.any():
             words = f"{listed(names[rest])}: other messages in the variable {variable}"
             page.notice(CAUTION, words, "Read that variable of the result")
@@ -151,9 +147,9 @@ def show_classified(result: xr.Dataset, page: Page) -> None:
     if result.sizes[unit] > _MOST_SHOWN:
         result = _least_clear(result, page)
     count = result.sizes[unit]
-    for start in range(0, count, _MOST_PANELS):
-        end = min(start + _MOST_PANELS, count)
-        some = f", {start + 1} to {end} of {count}" if count > _MOST_PANELS else ""
+    for start in range(0, count, MOST_LISTED):
+        end = min(start + MOST_LISTED, count)
+        some = f", {start + 1} to {end} of {count}" if count > MOST_LISTED else ""
         page.figure(
             f"Class probabilities{some}",
             plot_class_probability,
@@ -242,7 +238,7 @@ def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     decision = result["decision"].values.astype(str)
     labels = result["class_label"].values.astype(str)
     probability = np.where(np.isin(decision, labels), probability, 0.0)
-    clear = probability >= _CLEAR
+    clear = probability >= PROB
     units = "experiments" if unit == "test" else "specimens"
     frame = pd.DataFrame({"decision": decision, units: 1, "with a clear class": clear.astype(int)})
     frame["decision"] = frame["decision"].replace("", "not classified")
@@ -250,7 +246,7 @@ def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     unclear = np.flatnonzero(~clear)
     chosen = unclear[np.argsort(probability[unclear], kind="stable")[:_MOST_SHOWN]]
     page.text(
-        f"A class is clear if its probability is at least {_CLEAR}: that of {clear.sum()} of "
+        f"A class is clear if its probability is at least {PROB}: that of {clear.sum()} of "
         f"{len(clear)} {units}. Shown below: {len(chosen)} of {len(unclear)} without a clear "
         "class, those with the lowest probabilities. The result holds all of them."
     )

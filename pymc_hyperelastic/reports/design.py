@@ -7,11 +7,9 @@ from pymc_hyperelastic.design.information import MOST_UNSURE
 from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.reports.meanings import quantity_in_words
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
-from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, in_words, listed
+from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, in_words, listed, percent
 from pymc_hyperelastic.rounding import short
 
-# Standard errors of the difference within which a design may be as good as the best one.
-_ERRORS = 2
 _TODO = {"lacking": "Plan lower pressures or stretches", "unsure": "Repeat with more draws"}
 
 
@@ -22,7 +20,7 @@ def _check_designs(result: xr.Dataset, page: Page) -> None:
         page.notice(NOTE, result.attrs["words"], "")
     names = result["design"].values.tolist()
     best, *others = names
-    near = (result["difference"] + _ERRORS * result["difference_se"]).values[1:] >= 0
+    near = (result["difference"] + 2 * result["difference_se"]).values[1:] >= 0
     if near.any():
         designs = listed([name for name, is_near in zip(others, near, strict=True) if is_near])
         words = f"{designs} may be as good as {best}: the difference is within two standard errors"
@@ -87,7 +85,7 @@ def show_plan(result: xr.Dataset, page: Page) -> None:
         f"{listed(result['specimens'].values.tolist())} specimens per group, with parameters drawn "
         "from the posterior of the pilot study."
     )
-    prob = f"{100 * float(result.attrs['interval']):.3g} %"
+    prob = percent(result.attrs["interval"])
     names = "quantity unit comparison specimens width width_interval decided wrong covered"
     most = result.isel(specimens=[-1])
     width = frame_of(most, "width_interval", "quantity", "comparison", "specimens").iloc[0, 0]

@@ -13,23 +13,14 @@ from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, judgement, l
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
-from pymc_hyperelastic.models.settings import inflation_data_of
+from pymc_hyperelastic.models.settings import holds_inflation_data, inflation_data_of
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.fits import (
-    PROB,
-    classes_of,
-    has_data,
-    of_class,
-    tubes_in,
-    unknowns_of,
-)
+from pymc_hyperelastic.reports.fits import classes_of, of_class, tubes_in, unknowns_of
 from pymc_hyperelastic.reports.meanings import NATS, PARETO_K
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
-from pymc_hyperelastic.reports.page import BAD, CAUTION, NOTE, Page
-from pymc_hyperelastic.rounding import short
+from pymc_hyperelastic.reports.page import BAD, CAUTION, NOTE, PROB, Page
+from pymc_hyperelastic.rounding import ROUNDING, short
 
-# Standard deviation of a constant, relative to it, that rounding may cause.
-_ROUNDING = 1e-12
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 _MORE = "Sample again with more draws and chains"
 # Checks of an evidence: the value, and the advice if it fails, unless the warning holds the advice.
@@ -124,7 +115,7 @@ def _check(result: xr.DataTree, page: Page) -> None:
         page.notice(BAD, f"class {name} is missing: {reason}", todo)
     for name, tree in classes.items():
         subject = _subject(name, page)
-        if has_data(tree):
+        if holds_inflation_data(tree):
             warn_of_simulated(tree["constant_data"].attrs, page)
             with page.catching(subject):
                 warn_of_repeats(inflation_data_of(tree))
@@ -136,7 +127,7 @@ def _check(result: xr.DataTree, page: Page) -> None:
             page.notice(NOTE, words, "Sample again with chains=4", subject)
         if "specimens" in tree.children:
             _check_specimens(tree["specimens"].to_dataset(), subject, page)
-    pooled = [t for t in classes.values() if has_data(t) and not specimens_differ(t)]
+    pooled = [t for t in classes.values() if holds_inflation_data(t) and not specimens_differ(t)]
     if any(len(np.unique(inflation_data_of(tree)["specimen"])) > 1 for tree in pooled):
         page.notice(
             NOTE,
@@ -173,7 +164,7 @@ def _check_evidence(subject: str, tree: xr.DataTree, page: Page) -> None:
         failed = diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()
         todo = dict.fromkeys(_CHECKS[name][1] for name in failed if name in _CHECKS)
         page.notice(_LEVELS[verdict], words, ". ".join(filter(None, todo)), subject)
-    if has_data(tree) and "residuals" not in diagnosis["check"].values:
+    if holds_inflation_data(tree) and "residuals" not in diagnosis["check"].values:
         page.complete = False
         page.notice(
             NOTE,
@@ -195,7 +186,7 @@ def _check_convergence(
         if not np.isfinite(draws).all():
             words = f"some draws of {name} are not finite"
             page.notice(BAD, words, "Give a narrower prior, and sample again", subject)
-    varies = table["sd"] > _ROUNDING * table["mean"].abs()
+    varies = table["sd"] > ROUNDING * table["mean"].abs()
     rhat = table.loc[varies, "r_hat"].dropna()
     if len(rhat):
         worst = rhat.round(DIGITS).idxmax()

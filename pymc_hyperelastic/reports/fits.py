@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.sheets import tubes_of
-from pymc_hyperelastic.models.settings import inflation_data_of
+from pymc_hyperelastic.models.settings import holds_inflation_data, inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_fit
 from pymc_hyperelastic.plots.fitted_curves import signals_of
@@ -19,11 +19,14 @@ from pymc_hyperelastic.predictions.members import specimens_differ, with_paramet
 from pymc_hyperelastic.reports.meanings import meaning_of
 from pymc_hyperelastic.reports.measurements import show_measurements
 from pymc_hyperelastic.reports.page import (
+    PROB,
     Interval,
     Page,
     frame_of,
     in_words,
+    interval_of,
     listed,
+    percent,
 )
 from pymc_hyperelastic.reports.settings import (
     known_wall,
@@ -32,12 +35,6 @@ from pymc_hyperelastic.reports.settings import (
     uses_forces,
 )
 
-# Probability of the intervals and bands of a report.
-PROB = 0.95
-# Probabilities of the regions of a joint posterior.
-_REGIONS = (0.5, PROB)
-# Share of draws with the rarer sign above which the absolute value of a parameter is shown too.
-_BOTH_SIGNS = 0.01
 # Dimensions of variables that are no unknowns.
 _OF_DATA = {"obs", "tube_obs", "sheet_obs", "test", "tube_test"}
 # Signals of a fit, in the titles of their figures.
@@ -56,15 +53,9 @@ def classes_of(result: xr.DataTree, page: Page) -> dict[str, xr.DataTree]:
     return {page.title: result} if "posterior" in result.children else fitted_classes(result)
 
 
-def has_data(tree: xr.DataTree) -> bool:
-    """Return True if a result holds the data to which it was fitted."""
-    held = tree.children.get("constant_data", {})
-    return "radius" in held or "stretch_x" in held
-
-
 def tubes_in(tree: xr.DataTree) -> xr.Dataset | None:
     """Return the tests of tubes to which a result was fitted; None if it holds none."""
-    return tubes_of(inflation_data_of(tree)) if has_data(tree) else None
+    return tubes_of(inflation_data_of(tree)) if holds_inflation_data(tree) else None
 
 
 def of_class(name: str, result: xr.Dataset, names: str) -> pd.DataFrame:
@@ -78,7 +69,7 @@ def show_training(result: xr.DataTree, page: Page) -> None:
     """Add the data to which classes were fitted."""
     title = page.title
     for name, tree in classes_of(result, page).items():
-        if has_data(tree):
+        if holds_inflation_data(tree):
             page.title = name if name == title else f"class {name}"
             show_measurements(inflation_data_of(tree), page)
     page.title = title
@@ -87,7 +78,7 @@ def show_training(result: xr.DataTree, page: Page) -> None:
 def show_fits(result: xr.DataTree, page: Page) -> None:
     """Add bands of the posterior with the data, and the misfit of each specimen."""
     classes = classes_of(result, page)
-    if not all(map(has_data, classes.values())):
+    if not all(map(holds_inflation_data, classes.values())):
         page.text("The result holds no data with which its curves could be compared.")
         return
     differ = all(map(specimens_differ, classes.values()))
@@ -106,8 +97,8 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
         if signal == "stress":
             whose = "the specimen of each test" if differ else "each test"
         note = (
-            f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose},"
-            f" without measurement error. Points: data.{strips}"
+            f"Lines and bands: median and {percent(PROB)} interval of the posterior for {whose}, "
+            f"without measurement error. Points: data.{strips}"
         )
         page.figure(
             f"Fit of the {what}",
@@ -147,12 +138,12 @@ def show_parameters(result: xr.DataTree, page: Page) -> None:
             "Joint posterior of two parameters",
             plot_parameter_density,
             result,
-            note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
-            ci_probs=_REGIONS,
+            note=f"The regions hold 50 % and {percent(PROB)}.",
+            ci_probs=(0.5, PROB),
         )
     first = next(iter(classes.values()))
     units, wall, stress = units_of(first), known_wall(first), reference_stress_of(first)
-    what = f"median ({100 * PROB:.3g} % interval)"
+    what = f"median ({percent(PROB)} interval)"
     rows = []
     for name in names:
         row: dict[str, str | Interval] = {
@@ -173,7 +164,7 @@ def show_parameters(result: xr.DataTree, page: Page) -> None:
     if len(found) > 1:
         note += "A class is the model of the specimens of one group."
     page.table("Parameters", pd.DataFrame(rows, dtype=object), note.strip())
-    with_data = [tree for tree in classes.values() if has_data(tree)]
+    with_data = [tree for tree in classes.values() if holds_inflation_data(tree)]
     if names and with_data and all(tubes_in(tree) is None for tree in with_data):
         _summarise(names[0], found, rows[0], page)
 
@@ -185,30 +176,25 @@ def _summarise(
     values = [f"{in_words(own[name])} in {of}" for of, own in found.items() if name in own]
     what = f"The {row['meaning']} ({name})" if row["meaning"] else name
     unit = f", in {row['unit']}" if row["unit"] else ""
-    page.values.append(f"{what} is {listed(values)}{unit} (median, {100 * PROB:.3g} % interval).")
+    page.values.append(f"{what} is {listed(values)}{unit} (median, {percent(PROB)} interval).")
 
 
 def _intervals(tree: xr.DataTree) -> dict[str, Interval]:
-    """Return median and interval of each unknown, entry by entry, of finite draws."""
+    """Return median and interval of each unknown, entry by entry."""
     found = {}
-    posterior = unknowns_of(tree)
-    for name, draws in posterior.data_vars.items():
-        entries = draws.where(np.isfinite(draws)).stack(all_draws=("chain", "draw"))
-        low, middle, high = entries.quantile(
-            [(1 - PROB) / 2, 0.5, (1 + PROB) / 2], "all_draws", skipna=True
-        ).transpose("quantile", ...)
-        for place in np.ndindex(middle.shape):
-            labels = [
-                str(middle[dim].values[i]) if dim in middle.coords else str(i)
-                for dim, i in zip(middle.dims, place, strict=True)
-            ]
+    for name, draws in unknowns_of(tree).data_vars.items():
+        entries = draws.transpose(..., "chain", "draw")
+        for place in np.ndindex(entries.shape[:-2]):
+            # An entry without a label has its number.
+            dims = zip(entries.dims, place, strict=False)
+            labels = [str(entries[dim].values[i]) for dim, i in dims]
             entry = f"{name}[{', '.join(labels)}]" if labels else str(name)
-            found[entry] = Interval(*(float(x.values[place]) for x in (middle, low, high)))
+            found[entry] = interval_of(entries.values[place])
     return found
 
 
 def unknowns_of(tree: xr.DataTree) -> xr.Dataset:
-    """Return the unknowns, and the absolute value of each scalar that has both signs."""
+    """Return the unknowns, and the absolute value of each scalar whose interval has both signs."""
     with suppress(ValueError):  # the typical specimen, unless the law is unknown
         tree = with_parameters(tree, None)
     posterior = tree["posterior"].to_dataset()
@@ -217,6 +203,6 @@ def unknowns_of(tree: xr.DataTree) -> xr.Dataset:
         if draws.ndim > 3 or _OF_DATA & {*draws.dims} or name == "correlation_unit":
             continue
         chosen[name] = draws
-        if draws.ndim == 2 and _BOTH_SIGNS < float((draws < 0).mean()) < 1 - _BOTH_SIGNS:
+        if draws.ndim == 2 and (1 - PROB) / 2 < float((draws < 0).mean()) < (1 + PROB) / 2:
             chosen[f"|{name}|"] = abs(draws)
     return xr.Dataset(chosen)

@@ -7,11 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import (
-    check_data,
-    extension_tests,
-    measured_radius,
-)
+from pymc_hyperelastic.data.inflation import check_data, extension_tests, measured_radius
 from pymc_hyperelastic.data.select import specimens_apart, tests_at
 from pymc_hyperelastic.data.sheets import sheets_of, tubes_of
 from pymc_hyperelastic.data.variables import OPTIONAL_LABELS, STRESS_MEASURE
@@ -21,13 +17,13 @@ from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.reports.page import NOTE, Page, listed, plural
 from pymc_hyperelastic.rounding import short
 
-# Heading and unit, in units of the package, of each quantity of the table.
-_QUANTITIES = {
-    "axial_stretch": ("axial stretch", 1.0),
-    "axial_force": ("axial force (mN)", 1.0),
-    "inner_radius": ("inner radius without load (mm)", 1.0),
-    "outer_radius": ("outer radius without load (mm)", 1.0),
-    "opening_angle": ("opening angle (°)", np.pi / 180),
+# Heading of each quantity of the table. Angles are shown in degrees.
+_HEADINGS = {
+    "axial_stretch": "axial stretch",
+    "axial_force": "axial force (mN)",
+    "inner_radius": "inner radius without load (mm)",
+    "outer_radius": "outer radius without load (mm)",
+    "opening_angle": "opening angle (°)",
 }
 
 # Stretch along an axis in which a sheet is free.
@@ -42,10 +38,14 @@ def tube_in_words(sizes: Mapping[str, float]) -> str:
     """
     words = []
     for name, size in sizes.items():
-        heading, unit = _QUANTITIES.get(name, (name.replace("_", " "), 1.0))
-        text, _, of = heading.removesuffix(")").partition(" (")
-        words.append(f"{text} {short(size / unit)} {of}".rstrip().replace(" °", "°"))
+        heading = _HEADINGS.get(name, name.replace("_", " "))
+        text, _, unit = heading.removesuffix(")").partition(" (")
+        words.append(f"{text} {short(_as_shown(name, size))} {unit}".rstrip().replace(" °", "°"))
     return listed(words)
+
+
+def _as_shown(name: str, value: Any) -> Any:
+    return np.degrees(value) if name == "opening_angle" else value
 
 
 def warn_of_simulated(attrs: Any, page: Page) -> None:
@@ -139,8 +139,11 @@ def _specimen_row(name: str, own: xr.Dataset, pressure_unit: str) -> dict[str, A
         heading: _range(length),
         f"pressure ({pressure_unit})": _range(own["pressure"] * per_kilopascal(pressure_unit)),
     }
-    there = {key: of for key, of in _QUANTITIES.items() if key in own}
-    return row | {text: _range(own[key] / unit) for key, (text, unit) in there.items()}
+    return row | {
+        heading: _range(_as_shown(name, own[name]))
+        for name, heading in _HEADINGS.items()
+        if name in own
+    }
 
 
 def _range(values: xr.DataArray) -> float | str:

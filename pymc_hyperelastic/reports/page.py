@@ -26,12 +26,12 @@ BAD, CAUTION, NOTE = LEVELS
 _MOST_SHAPES = 6000
 # Characters that names may have, but no XML, and so no SVG.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
-# CSS pixels per inch.
-_PIXELS = 96
-# Standard error of a probability below which a probability near 0 or 1 is shown without it.
-_SMALLEST_SHOWN = 0.0005
-# Names that one sentence lists at most.
-_MOST_NAMES = 20
+#: Probability of the intervals and bands of a report.
+PROB = 0.95
+#: Names or messages that a report lists at most.
+MOST_LISTED = 20
+#: Pressures of a curve that a table shows.
+PRESSURES = 3
 # Headings that the name of a variable does not give.
 _HEADINGS = {
     "name": "specimen",
@@ -68,6 +68,14 @@ class Interval(NamedTuple):
     value: float
     low: float
     high: float
+
+
+def interval_of(draws: np.ndarray) -> Interval:
+    """Return the median and the interval of finite draws; all are NaN without such a draw."""
+    known = draws[np.isfinite(draws)]
+    if not known.size:
+        return Interval(np.nan, np.nan, np.nan)
+    return Interval(*np.quantile(known, [0.5, (1 - PROB) / 2, (1 + PROB) / 2]).tolist())
 
 
 @dataclass
@@ -195,7 +203,7 @@ class Page:
                 figure.savefig(file, format="svg", transparent=True, metadata=undated)
                 drawing = _FORBIDDEN.sub("\ufffd", file.getvalue().decode())
                 image = base64.b64encode(drawing.encode()).decode()
-                width = round(_PIXELS * figure.get_figwidth())
+                width = round(96 * figure.get_figwidth())  # CSS pixels per inch
                 self.blocks.append({"image": image, "caption": label, "note": note, "width": width})
             finally:
                 for number in set(plt.get_fignums()) - before:
@@ -231,10 +239,9 @@ def frame_of(result: xr.Dataset, names: str, *dims: str) -> pd.DataFrame:
             continue
         heading = heading_of(base)
         if name != base:
-            prob = f"{100 * float(result.attrs['interval']):.3g} %"
             ends = [values_of(name, bound=bound) for bound in ("low", "high")]
             cells = [*map(Interval, values_of(base), *ends)]
-            columns[f"{heading} ({prob} interval)"] = cells
+            columns[f"{heading} ({percent(result.attrs['interval'])} interval)"] = cells
         elif f"{name}_se" in result:
             columns[heading] = [*map(Estimate, values_of(name), values_of(f"{name}_se"))]
         else:
@@ -282,7 +289,8 @@ def cell_of(heading: str, value: Any) -> list[tuple[str, float | None]]:
 
 def _estimated(estimate: Estimate, probable: bool) -> list[tuple[str, float | None]]:
     value, error = estimate
-    if probable and rounded_probability(value)[0] in "<>" and error < _SMALLEST_SHOWN:
+    # Probabilities have three decimals, which do not show a smaller error.
+    if probable and rounded_probability(value)[0] in "<>" and round(error, 3) == 0:
         return [(rounded_probability(value), value)]
     first, second = rounded(estimate, error)
     return [(first, value), (" ± ", None), (second, error)]
@@ -295,6 +303,15 @@ def in_words(value: Any, heading: str = "") -> str:
     ('0.35 (0.24 to 0.56)', '−17.183 ± 0.040')
     """
     return "".join(text for text, _ in cell_of(heading, value))
+
+
+def percent(share: float) -> str:
+    """Return a probability in per cent.
+
+    >>> percent(0.95), percent(0.999)
+    ('95 %', '99.9 %')
+    """
+    return f"{100 * float(share):.3g} %"
 
 
 def plural(count: int, noun: str) -> str:
@@ -312,7 +329,7 @@ def listed(items: Any) -> str:
     >>> listed(["a"]), listed(["a", "b", "c"]), listed(range(1000))[-21:]
     ('a', 'a, b and c', '18, 19 and 980 others')
     """
-    texts = [str(item) for item in items[:_MOST_NAMES]]
-    if len(items) > _MOST_NAMES:
-        texts.append(plural(len(items) - _MOST_NAMES, "other"))
+    texts = [str(item) for item in items[:MOST_LISTED]]
+    if len(items) > MOST_LISTED:
+        texts.append(plural(len(items) - MOST_LISTED, "other"))
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if texts[1:] else texts)

@@ -17,23 +17,24 @@ from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.quantities import unit_text
-from pymc_hyperelastic.reports.fits import PROB, classes_of, tubes_in
+from pymc_hyperelastic.reports.fits import classes_of, tubes_in
 from pymc_hyperelastic.reports.measurements import tube_in_words
-from pymc_hyperelastic.reports.page import Interval, Page, in_words, listed
+from pymc_hyperelastic.reports.page import (
+    PRESSURES,
+    PROB,
+    Interval,
+    Page,
+    in_words,
+    interval_of,
+    listed,
+    percent,
+)
 from pymc_hyperelastic.rounding import short
 
 Array = NDArray[np.float64]
 # Intervals of properties by words, unit and pressure.
 _Intervals = dict[tuple[str, str, float], Interval]
 
-# Pressures of the table, unless the user gives them.
-_IN_TABLE = 3
-# Pressures of the figure.
-_IN_FIGURE = 25
-# Probability of the intervals, as the page shows it.
-_PROB = f"{100 * PROB:.3g} %"
-# Draws of a class in the figure: more are slow, and change no line visibly.
-_DRAWN = 1000
 _PROPERTIES = [
     "compliance",
     "distensibility",
@@ -59,20 +60,20 @@ def show_properties(result: xr.DataTree, page: Page) -> None:
                 "reached. To show them, give ph.report pressures, as in at=[10, 12]."
             )
             return
-        pressures = np.linspace(*span, _IN_TABLE) * per_kilopascal(at.pressure_unit)
+        pressures = np.linspace(*span, PRESSURES) * per_kilopascal(at.pressure_unit)
         at = replace(at, pressure=pressures)
     middle = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
     of_tube = _tube_sentence(middle, at.geometry())
     at = replace(at, pressure_range=None, tube=Tube(**middle | at.geometry()))
     pressures = at.pressures
     if np.ptp(pressures) > 0:
-        thinned = {name: thinned_draws(tree, _DRAWN) for name, tree in classes.items()}
+        thinned = {name: thinned_draws(tree) for name, tree in classes.items()}
         page.figure(
             "Elastic properties over the pressure",
             plot_elastic_properties,
             xr.DataTree.from_dict(thinned),
-            replace(at, pressure=np.linspace(pressures.min(), pressures.max(), _IN_FIGURE)),
-            note=f"{of_tube}Lines and bands: median and {100 * PROB:.3g} % interval.",
+            replace(at, pressure=np.linspace(pressures.min(), pressures.max(), 25)),
+            note=f"{of_tube}Lines and bands: median and {percent(PROB)} interval.",
             warned=False,  # the table gives the same warnings, for all draws
             ci_prob=PROB,
         )
@@ -95,7 +96,7 @@ def _tube_sentence(middle: Mapping[str, float], given: Mapping[str, float]) -> s
 
 def _show_table(found: Mapping[str, _Intervals], unit: str, of_tube: str, page: Page) -> None:
     """Add a table with a row for each property and pressure, and a column for each class."""
-    what = f"median ({_PROB} interval)"
+    what = f"median ({percent(PROB)} interval)"
     headings = {name: f"class {name}" if len(found) > 1 else what for name in found}
     rows = []
     for words, of, pressure in next(iter(found.values())):
@@ -112,8 +113,8 @@ def _summarise(found: Mapping[str, _Intervals], unit: str, page: Page) -> None:
     values = [f"{in_words(own[middle])} in {name}" for name, own in found.items()]
     words, of, pressure = middle
     page.values.append(
-        f"The {words} at {short(pressure)} {unit} is {listed(values)}, in {of} (median, {_PROB} "
-        "interval)."
+        f"The {words} at {short(pressure)} {unit} is {listed(values)}, in {of} (median, "
+        f"{percent(PROB)} interval)."
     )
     for name, own in found.items():
         for (words, of, pressure), interval in own.items():
@@ -121,20 +122,13 @@ def _summarise(found: Mapping[str, _Intervals], unit: str, page: Page) -> None:
 
 
 def _intervals(properties: xr.Dataset, pressures: Array) -> _Intervals:
-    """Return median and interval of each property, by its words, unit and pressure.
-
-    Draws that are not finite are left out.
-    """
-    quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
+    """Return median and interval of each property, by its words, unit and pressure."""
     found: _Intervals = {}
     for i, pressure in enumerate(pressures.tolist()):
         for key in _PROPERTIES:
-            draws = properties[key].isel(pressure=i).values
-            known = draws[np.isfinite(draws)]
-            numbers = np.quantile(known, quantiles) if known.size else np.full(3, np.nan)
             attrs = properties[key].attrs
             place = attrs["long_name"], unit_text(attrs["units"]), pressure
-            found[place] = Interval(*numbers.tolist())
+            found[place] = interval_of(properties[key].isel(pressure=i).values)
     return found
 
 

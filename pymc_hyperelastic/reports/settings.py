@@ -23,6 +23,7 @@ from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.settings import (
     ModelSettings,
     NamedLayer,
+    holds_inflation_data,
     inflation_data_of,
     model_settings_of,
     wall_of,
@@ -176,10 +177,7 @@ def show_settings(result: xr.DataTree, page: Page) -> None:
     if kind := settings.hierarchical:
         rows += [
             ("variability", "each specimen has parameters of its own"),
-            (
-                "normally distributed between specimens",
-                "; ".join(_coordinates(kind)),
-            ),
+            ("normally distributed between specimens", "; ".join(_coordinates(kind))),
             (
                 "experiments on a specimen",
                 "differ by a random effect"
@@ -205,9 +203,7 @@ def add_methods(result: xr.DataTree, page: Page) -> None:
     settings = settings_of(result)
     trees = fitted_classes(result)
     data = {
-        name: inflation_data_of(tree)
-        for name, tree in trees.items()
-        if {"radius", "stretch_x"} & {*tree.children.get("constant_data", {})}
+        name: inflation_data_of(tree) for name, tree in trees.items() if holds_inflation_data(tree)
     }
     specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
     if data:

@@ -11,23 +11,20 @@ from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.data.variables import OPTIONAL_LABELS, sheet_tests
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.plots.laws import plot_law_probability
-from pymc_hyperelastic.reports.fits import PROB
 from pymc_hyperelastic.reports.meanings import NATS
-from pymc_hyperelastic.reports.page import NOTE, Page, in_words, listed, plural
+from pymc_hyperelastic.reports.page import NOTE, PROB, Page, in_words, listed, percent, plural
 
-# Findings in the summary, at most.
-_MOST_FINDINGS = 4
 # A fit may have none of these, for example if its law is not defined in this process.
 _NO_FINDINGS = "This page has no elastic property, no difference of groups and no decision."
 
 
 def summarise(page: Page) -> dict[str, str]:
     """Return sentences on the data, the result and its limits, by heading."""
-    findings = page.findings or page.values[:1]
-    more = len(findings) - _MOST_FINDINGS
-    text = " ".join(findings[:_MOST_FINDINGS]) or _NO_FINDINGS
-    if more > 0:
-        text += f" {plural(more, 'further result')} can be found below."
+    # Four results are enough for a summary.
+    findings, others = (page.findings or page.values[:1])[:4], page.findings[4:]
+    text = " ".join(findings) or _NO_FINDINGS
+    if others:
+        text += f" {plural(len(others), 'further result')} can be found below."
     return {"Data": _data_sentence(page.data), "Result": text, "Limits": _limits_sentence(page)}
 
 
@@ -69,9 +66,11 @@ def _signals(data: list[xr.Dataset]) -> list[str]:
 def _limits_sentence(page: Page) -> str:
     """Return a sentence with the most serious warning, if any, and the least certain property."""
     serious = [warning for warning in page.warnings if warning[0] != NOTE]
-    least, prob = page.least_certain[1], f"{100 * PROB:.3g} %"
+    least = page.least_certain[1]
     if least:
-        least = f" The least certain elastic property is {least} (median, {prob} interval)."
+        least = (
+            f" The least certain elastic property is {least} (median, {percent(PROB)} interval)."
+        )
     if serious:
         level, text, _ = serious[0]
         several = f"The most serious of {len(serious)} warnings"

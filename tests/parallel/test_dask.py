@@ -98,7 +98,7 @@ def test_workers_with_two_threads_give_the_same_numbers_as_one_process(processes
 
 def test_cluster_without_workers_raises_an_error(data, tmp_path, monkeypatch):
     monkeypatch.setattr("pymc_hyperelastic.parallel.workers._PATIENCE", 1.0)
-    monkeypatch.setattr("pymc_hyperelastic.parallel.run._LOOK", 0.2)
+    monkeypatch.setattr("pymc_hyperelastic.parallel.run.LOOK", 0.2)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
         with distributed.Client(nobody) as client:
             with pytest.raises(WorkersLost, match=r"no worker for 1 s\. Finished batches are in"):

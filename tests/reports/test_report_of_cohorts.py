@@ -104,7 +104,7 @@ def test_only_unclear_specimens_of_a_large_cohort_are_shown_one_by_one(write_wor
     assert "Shown below: 200 of 500 without a clear class, those with the lowest" in page.text
 
 
-def test_only_the_first_ten_failure_messages_are_shown(write_words):
-    page = write_words({"New": many(0, 2, 15, [f"reason {i:02}" for i in range(15)])})
-    assert "N11: reason 09." in page.warnings and "reason 10" not in page.warnings
-    assert "N12, N13, N14, N15 and N16: other messages in the variable error." in page.warnings
+def test_only_the_first_twenty_failure_messages_are_shown(write_words):
+    page = write_words({"New": many(0, 2, 25, [f"reason {i:02}" for i in range(25)])})
+    assert "N21: reason 19." in page.warnings and "reason 20" not in page.warnings
+    assert "N22, N23, N24, N25 and N26: other messages in the variable error." in page.warnings

@@ -273,10 +273,12 @@ class ArrudaBoyce(_FirstInvariant):
         ),
     )
 
+    # Coefficients C_i of the series of the inverse Langevin function.
+    coefficients = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
     def of_excess(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
         """``μ Σ C_i/λm^{2i−2} (I₁^i − 3^i)``."""
-        coefficients = 1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750
-        first, terms = excess + 3, enumerate(coefficients, start=1)
+        first, terms = excess + 3, enumerate(self.coefficients, start=1)
         return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
 
 

@@ -7,8 +7,8 @@ materials" and "Anisotropic hyperelastic behavior"; for the keywords, Abaqus Key
 """
 
 from collections.abc import Sequence
+from itertools import batched
 from math import cos, radians, sin
-from textwrap import wrap
 from typing import Any, NamedTuple
 
 from pymc_hyperelastic.mechanics import strain_energy as laws
@@ -17,17 +17,11 @@ from pymc_hyperelastic.predictions.cards.materials import (
     Code,
     CodeLaw,
     Material,
+    check_ogden,
     check_positive,
+    check_range,
+    lines_of,
 )
-
-# Characters in a field of a data line, at most: a rule of Abaqus.
-_FIELD = 20
-# Fields in a data line, at most: a rule of Abaqus.
-_FIELDS = 8
-# Characters in a line of a comment: chosen for reading.
-_COLUMNS = 96
-# Terms of Ogden's law, at most: a limit of Abaqus.
-_TERMS = 6
 
 # Volumetric energy of most laws.
 _VOLUME = " + 1/D1 (J - 1)^2"
@@ -45,7 +39,7 @@ class _Option(NamedTuple):
 
 
 def number(x: float) -> str:
-    """Format a number in at most 20 characters, with as many digits as fit.
+    """Format a number with as many digits as fit in a field, which has at most 20 characters.
 
     Most numbers read back exactly; numbers below 0.01 keep at least 14 digits.
 
@@ -58,7 +52,7 @@ def number(x: float) -> str:
     if "." not in text:
         text = text.replace("E", ".0E")
     for digits in range(16, 0, -1):
-        if len(text) <= _FIELD:
+        if len(text) <= 20:
             break
         mantissa, exponent = f"{x:.{digits}E}".split("E")
         text = f"{mantissa}E{int(exponent)}"
@@ -67,14 +61,17 @@ def number(x: float) -> str:
 
 def _ogden(terms: Sequence[tuple[float, float]], d: float) -> _Option:
     """Return the option for ``Σ 2 μi/αi² (...)``, from pairs of modulus and exponent."""
-    if len(terms) > _TERMS:
-        raise ValueError(
-            f"Abaqus has at most {_TERMS} terms of Ogden's law; the material has {len(terms)}"
-        )
-    if not all(alpha for _, alpha in terms):
-        raise ValueError("an exponent of Ogden's law is 0, by which Abaqus divides")
+    check_ogden("Abaqus", terms)
     data = [x for term in terms for x in term] + [d] + [0.0] * (len(terms) - 1)
     return _Option(f"*HYPERELASTIC, OGDEN, N={len(terms)}", data)
+
+
+def _neo_hooke(v: Any, d: float) -> _Option:
+    return _Option("*HYPERELASTIC, NEO HOOKE", [v["mu"] / 2, d])
+
+
+def _yeoh(v: Any, d: float) -> _Option:
+    return _Option("*HYPERELASTIC, YEOH", [v["c1"], v["c2"], v["c3"], d, 0.0, 0.0])
 
 
 def _two_powers(v: Any, d: float) -> _Option:
@@ -87,18 +84,13 @@ def _series(v: Any, d: float) -> _Option:
 
 
 def _holzapfel(v: Any, d: float) -> _Option:
-    check_positive("k2", [v["k2"]], "Abaqus divides by it")
-    _check_range("c", v["c"], 0.0)
-    _check_range("k1", v["k1"], 0.0)
+    check_positive("k2", v["k2"], "Abaqus divides by it")
+    check_range("Abaqus", "c", v["c"])
+    check_range("Abaqus", "k1", v["k1"])
     kappa = v.get("kappa", 0.0)
-    _check_range("kappa", kappa, 0.0, 1 / 3)
+    check_range("Abaqus", "kappa", kappa, 1 / 3)
     keyword = "*ANISOTROPIC HYPERELASTIC, HOLZAPFEL, LOCAL DIRECTIONS=2"
     return _Option(keyword, [v["c"] / 2, d, v["k1"], v["k2"], kappa], v["beta"])
-
-
-def _check_range(name: str, value: float, low: float, high: float = float("inf")) -> None:
-    if not low <= value <= high:
-        raise ValueError(f"{name} is {value:.6g}; Abaqus takes values from {low:g} to {high:.6g}")
 
 
 _HGO = (
@@ -113,18 +105,12 @@ _OGDEN = (
 )
 
 _LAWS = {
-    laws.NeoHookean: CodeLaw(
-        "U = C10 (I1 - 3)" + _VOLUME + ", with C10 = mu/2",
-        lambda v, d: _Option("*HYPERELASTIC, NEO HOOKE", [v["mu"] / 2, d]),
-    ),
+    laws.NeoHookean: CodeLaw("U = C10 (I1 - 3)" + _VOLUME + ", with C10 = mu/2", _neo_hooke),
     laws.MooneyRivlin: CodeLaw(
         "U = C10 (I1 - 3) + C01 (I2 - 3)" + _VOLUME,
         lambda v, d: _Option("*HYPERELASTIC, MOONEY-RIVLIN", [v["c10"], v["c01"], d]),
     ),
-    laws.Yeoh: CodeLaw(
-        "U = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3" + _VOLUME,
-        lambda v, d: _Option("*HYPERELASTIC, YEOH", [v["c1"], v["c2"], v["c3"], d, 0.0, 0.0]),
-    ),
+    laws.Yeoh: CodeLaw("U = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3" + _VOLUME, _yeoh),
     laws.ArrudaBoyce: CodeLaw(
         "U = mu sum of C_i/lambda_m^(2i - 2) (I1^i - 3^i), i = 1 to 5" + _VOLUME_LOG,
         lambda v, d: _Option("*HYPERELASTIC, ARRUDA-BOYCE", [v["mu"], v["lock"], d]),
@@ -172,12 +158,12 @@ def _material(material: Material) -> list[str]:
 
 
 def _data(numbers: Sequence[float]) -> list[str]:
-    texts = [number(x) for x in numbers]
-    return [", ".join(texts[i : i + _FIELDS]) for i in range(0, len(texts), _FIELDS)]
+    """Return data lines, in which Abaqus reads at most eight fields."""
+    return [", ".join(fields) for fields in batched(map(number, numbers), 8)]
 
 
 def _comment(paragraphs: list[str]) -> list[str]:
-    return [f"** {line}" for text in paragraphs for line in wrap(text, _COLUMNS)]
+    return [f"** {line}" for line in lines_of(paragraphs)]
 
 
 ABAQUS = Code("Abaqus", _LAWS, _REASONS | SILENT_LAWS, _card)

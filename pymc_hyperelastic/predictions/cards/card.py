@@ -9,7 +9,6 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.cards.abaqus import ABAQUS
 from pymc_hyperelastic.predictions.cards.febio import FEBIO
@@ -17,7 +16,6 @@ from pymc_hyperelastic.predictions.cards.materials import (
     UNITS,
     Code,
     Material,
-    Units,
     bulk_modulus_of,
     in_units,
 )
@@ -178,7 +176,7 @@ def material_card(
         _check_law(layer.energy, made_for)
     points = [point_of(of_wall, point), *thinned(of_wall, draws)]
     materials = [
-        _material(of_wall, place, at, units, bulk_modulus)
+        _material(of_wall, place, at, unit, bulk_modulus)
         for at in points
         for place in range(len(of_wall.wall))
     ]
@@ -186,10 +184,13 @@ def material_card(
     header = [
         f"Written by pymc_hyperelastic {version('pymc-hyperelastic')} for {made_for.label}.",
         _source_note(tree, of_wall),
-        f"Units: {units.words}.",
+        f"Units: {units}.",
         f"Materials without _draw_ in their name: {points[0].words}.",
         *_draws_note(len(points) - 1, of_wall),
-        *dict.fromkeys(_law_note(layer, made_for) for layer in of_wall.wall),
+        *dict.fromkeys(
+            f"{layer.energy.name}: {made_for.laws[type(layer.energy)].formula}."
+            for layer in of_wall.wall
+        ),
         _INCOMPRESSIBLE.format(bulk=bulk),
     ]
     if any("beta" in layer.energy.parameter_names for layer in of_wall.wall):
@@ -219,15 +220,15 @@ def _check_law(energy: StrainEnergy, code: Code) -> None:
 
 
 def _material(
-    of_wall: WallDraws, place: int, at: PointOfWall, units: Units, given: float | None
+    of_wall: WallDraws, place: int, at: PointOfWall, stress: str, given: float | None
 ) -> Material:
     """Return the material of one layer at a point of the posterior."""
     energy, count = of_wall.wall[place].energy, len(of_wall.wall)
-    values = in_units(energy, at.values[place], units)
+    values = in_units(energy, at.values[place], stress)
     name = "wall" if count == 1 else f"layer_{place + 1}"
     listed = []
     for p in energy.parameters:
-        unit = units.stress if p.unit == "kPa" else p.unit
+        unit = stress if p.unit == "kPa" else p.unit
         listed.append(f"{p.name} = {values[p.name]!r} {unit}".rstrip())
     notes = f"{name}{at.suffix}: {energy!r}, {', '.join(listed)}"
     if at.suffix:
@@ -263,7 +264,3 @@ def _draws_note(count: int, of_wall: WallDraws) -> list[str]:
         f"Materials with _draw_ in their name: {count} of the {sizes['chain'] * sizes['draw']} "
         "draws of the posterior, evenly spaced along its chains."
     ]
-
-
-def _law_note(layer: NamedLayer, code: Code) -> str:
-    return f"{layer.energy.name}: {code.laws[type(layer.energy)].formula}."

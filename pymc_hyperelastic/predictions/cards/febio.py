@@ -10,7 +10,6 @@ describe it.
 
 from collections.abc import Sequence
 from math import cos, radians, sin
-from textwrap import wrap
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,23 +17,19 @@ import numpy as np
 
 from pymc_hyperelastic.mechanics import strain_energy as laws
 from pymc_hyperelastic.predictions.cards.materials import (
-    LANGEVIN,
     SILENT_LAWS,
     Code,
     CodeLaw,
     Material,
+    check_ogden,
     check_positive,
+    check_range,
+    lines_of,
 )
 
 Body = tuple[str, list[ElementTree.Element]]
 """Type of a material, and its parameters."""
 
-# Characters in a line of a comment: chosen for reading.
-_COLUMNS = 96
-# Terms of Ogden's law, at most: a limit of FEBio.
-_TERMS = 6
-# Characters of an expression, at most: FEBio reads it into a buffer of 512 characters.
-_EXPRESSION = 500
 # Declaration in the first line of a file.
 _HEAD = '<?xml version="1.0" encoding="ISO-8859-1"?>\n'
 
@@ -43,34 +38,37 @@ def _parameters(**values: float) -> list[ElementTree.Element]:
     return [_element(name, repr(float(value))) for name, value in values.items()]
 
 
-def _element(tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
+def _element(
+    tag: str, content: str | Sequence[ElementTree.Element] = (), **attributes: str
+) -> ElementTree.Element:
+    """Return an element with a text or with other elements."""
     element = ElementTree.Element(tag, attributes)
-    element.text = text
+    if isinstance(content, str):
+        element.text = content
+    else:
+        element.extend(content)
     return element
 
 
-def _with(tag: str, children: Sequence[ElementTree.Element], **attributes: str) -> Any:
-    element = _element(tag, **attributes)
-    element.extend(children)
-    return element
+def _neo_hookean(v: Any, k: float) -> Body:
+    return "Mooney-Rivlin", _parameters(c1=v["mu"] / 2, c2=0.0, k=k)
 
 
-def _mooney_rivlin(c1: float, c2: float, k: float) -> Body:
-    return "Mooney-Rivlin", _parameters(c1=c1, c2=c2, k=k)
+def _mooney_rivlin(v: Any, k: float) -> Body:
+    return "Mooney-Rivlin", _parameters(c1=v["c10"], c2=v["c01"], k=k)
 
 
 def _ogden(terms: Sequence[tuple[float, float]], k: float) -> Body:
     """Return the material ``Σ ci/mi² (...)``, from pairs of modulus and exponent."""
-    if len(terms) > _TERMS:
-        raise ValueError(
-            f"FEBio has at most {_TERMS} terms of Ogden's law; the material has {len(terms)}"
-        )
-    if not all(m for _, m in terms):
-        raise ValueError("an exponent of Ogden's law is 0, by which FEBio divides")
+    check_ogden("FEBio", terms)
     numbers: dict[str, float] = {}
     for i, (c, m) in enumerate(terms, start=1):
         numbers |= {f"c{i}": c, f"m{i}": m}
     return "Ogden", _parameters(**numbers, k=k)
+
+
+def _two_powers(v: Any, k: float) -> Body:
+    return _ogden([(2 * v["mu"], v["alpha"]), (2 * v["mu"], -v["alpha"])], k)
 
 
 def _series(v: Any, k: float) -> Body:
@@ -83,48 +81,49 @@ def _expression(k: float, text: str, **numbers: float) -> Body:
     # Some versions of FEBio cannot read powers of ten, such as 1e-5, in an expression.
     digits = {name: np.format_float_positional(x, trim="0") for name, x in numbers.items()}
     written = text.format(**digits)
-    if len(written) > _EXPRESSION:
+    # FEBio reads an expression into a buffer of 512 characters.
+    if len(written) > 500:
         raise ValueError(
-            f"the energy has {len(written)} characters, and FEBio reads at most {_EXPRESSION}: "
-            f"{written}"
+            f"the energy has {len(written)} characters, and FEBio reads at most 500: {written}"
         )
     return "uncoupled hyperelastic", [_element("W", written), *_parameters(k=k)]
 
 
 def _power_law(v: Any, k: float) -> Body:
-    check_positive("n", [v["n"]], "FEBio's card divides by it")
+    check_positive("n", v["n"], "FEBio's card divides by it")
     numbers = {"a": v["mu"] / 2, "b": 1 / v["n"], "n": v["n"]}
     return _expression(k, "{a}*((1+{b}*(I1-3))^{n}-1)", **numbers)
 
 
 def _demiray(v: Any, k: float) -> Body:
-    check_positive("b", [v["b"]], "FEBio's card divides by it")
+    check_positive("b", v["b"], "FEBio's card divides by it")
     return _expression(k, "{a}*(exp({b}*(I1-3))-1)", a=v["mu"] / (2 * v["b"]), b=v["b"])
 
 
 def _gent(v: Any, k: float) -> Body:
-    check_positive("limit", [v["limit"]], "FEBio's card divides by it")
+    check_positive("limit", v["limit"], "FEBio's card divides by it")
     numbers = {"a": v["mu"] * v["limit"] / 2, "b": 1 / v["limit"]}
     return _expression(k, "-{a}*ln(1-{b}*(I1-3))", **numbers)
 
 
 def _arruda_boyce(v: Any, k: float) -> Body:
-    terms = {f"a{i}": v["mu"] * c / v["lock"] ** (2 * i) for i, c in enumerate(LANGEVIN)}
+    coefficients = enumerate(laws.ArrudaBoyce.coefficients)
+    terms = {f"a{i}": v["mu"] * c / v["lock"] ** (2 * i) for i, c in coefficients}
     powers = "+".join(f"{{a{i}}}*(I1^{i + 1}-{3 ** (i + 1)})" for i in range(1, 5))
     return _expression(k, "{a0}*(I1-3)+" + powers, **terms)
 
 
 def _holzapfel(v: Any, k: float) -> Body:
-    check_positive("k2", [v["k2"]], "FEBio divides by it")
+    check_positive("k2", v["k2"], "FEBio divides by it")
     numbers = {"c": v["c"], "k1": v["k1"], "k2": v["k2"]}
     numbers |= {"gamma": v["beta"], "kappa": v.get("kappa", 0.0)}
     for name, high in {"c": np.inf, "k1": np.inf, "kappa": 1 / 3}.items():
-        _check_range(name, numbers[name], high)
+        check_range("FEBio", name, numbers[name], high)
     return "Holzapfel-Gasser-Ogden", [*_parameters(**numbers, k=k), _axes()]
 
 
 def _four_fiber(v: Any, k: float) -> Body:
-    matrix = _with("solid", _parameters(c1=v["c"] / 2, c2=0.0), type="Mooney-Rivlin")
+    matrix = _element("solid", _parameters(c1=v["c"] / 2, c2=0.0), type="Mooney-Rivlin")
     beta = v["beta"]
     angles = {"axial": [90.0], "hoop": [0.0], "diagonal": [beta, -beta]}
     fibres = [
@@ -138,24 +137,19 @@ def _four_fiber(v: Any, k: float) -> Body:
 
 def _fibres(k1: float, k2: float, angle: float) -> ElementTree.Element:
     """Return a fibre family, ``ksi/(alpha beta) (exp[alpha (I4 - 1)^beta] - 1)``, ``beta = 2``."""
-    _check_range("k1", k1)
-    _check_range("k2", k2)
+    check_range("FEBio", "k1", k1)
+    check_range("FEBio", "k2", k2)
     direction = ",".join(repr(x) for x in (cos(radians(angle)), sin(radians(angle)), 0.0))
     parameters = _parameters(ksi=k1, alpha=k2, beta=2.0)
     fibre = _element("fiber", direction, type="vector")
-    return _with("solid", [*parameters, fibre], type="fiber-exp-pow-uncoupled")
-
-
-def _check_range(name: str, value: float, high: float = np.inf) -> None:
-    if not 0 <= value <= high:
-        raise ValueError(f"{name} is {value:.6g}; FEBio takes values from 0 to {high:.6g}")
+    return _element("solid", [*parameters, fibre], type="fiber-exp-pow-uncoupled")
 
 
 def _axes() -> ElementTree.Element:
     """Return the local axes: 1 around the tube, 2 along it, 3 through its wall."""
     vectors = {"center": "0,0,0", "axis": "0,0,1", "vector": "0,1,0"}
     children = [_element(name, vector) for name, vector in vectors.items()]
-    return _with("mat_axis", children, type="cylindrical")
+    return _element("mat_axis", children, type="cylindrical")
 
 
 _WITHOUT_VOLUME = ", of the isochoric deformation"
@@ -172,11 +166,11 @@ _AS_EXPRESSION = (
 _LAWS = {
     laws.NeoHookean: CodeLaw(
         "W = c1 (I1 - 3) + c2 (I2 - 3)" + _WITHOUT_VOLUME + ", with c1 = mu/2 and c2 = 0",
-        lambda v, k: _mooney_rivlin(v["mu"] / 2, 0.0, k),
+        _neo_hookean,
     ),
     laws.MooneyRivlin: CodeLaw(
         "W = c1 (I1 - 3) + c2 (I2 - 3)" + _WITHOUT_VOLUME + ", with c1 = c10 and c2 = c01",
-        lambda v, k: _mooney_rivlin(v["c10"], v["c01"], k),
+        _mooney_rivlin,
     ),
     laws.Yeoh: CodeLaw(
         "W = c1 (I1 - 3) + c2 (I1 - 3)^2 + c3 (I1 - 3)^3" + _WITHOUT_VOLUME,
@@ -190,10 +184,7 @@ _LAWS = {
     ),
     laws.Demiray: CodeLaw(_AS_EXPRESSION + "mu/(2 b) {exp[b (I1 - 3)] - 1}", _demiray),
     laws.PowerLawNeoHookean: CodeLaw(_AS_EXPRESSION + "mu/2 {[1 + (I1 - 3)/n]^n - 1}", _power_law),
-    laws.Ogden: CodeLaw(
-        _OGDEN + "the two terms (2 mu, alpha) and (2 mu, -alpha)",
-        lambda v, k: _ogden([(2 * v["mu"], v["alpha"]), (2 * v["mu"], -v["alpha"])], k),
-    ),
+    laws.Ogden: CodeLaw(_OGDEN + "the two terms (2 mu, alpha) and (2 mu, -alpha)", _two_powers),
     laws.OgdenSeries: CodeLaw(
         _OGDEN + "c_i = mu alpha of each term, where the package has mu/alpha", _series
     ),
@@ -214,16 +205,15 @@ def _card(header: list[str], materials: list[Material]) -> str:
     for i, material in enumerate(materials, start=1):
         kind, body = _LAWS[type(material.energy)].write(material.values, material.bulk_modulus)
         section.append(_comment(material.notes))
-        section.append(_with("material", body, id=str(i), name=material.name, type=kind))
-    root = _with("febio_spec", [section], version="4.0")
+        section.append(_element("material", body, id=str(i), name=material.name, type=kind))
+    root = _element("febio_spec", [section], version="4.0")
     ElementTree.indent(root)
     return _HEAD + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def _comment(paragraphs: list[str]) -> Any:
-    lines = [line for text in paragraphs for line in wrap(text, _COLUMNS)]
     # XML does not allow two hyphens in a comment.
-    text = "\n".join(["", *lines, ""]).replace("--", "- -").replace("--", "- -")
+    text = "\n".join(["", *lines_of(paragraphs), ""]).replace("--", "- -").replace("--", "- -")
     return ElementTree.Comment(text)
 
 

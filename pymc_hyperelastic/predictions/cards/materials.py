@@ -1,35 +1,27 @@
 """Materials in the unit system of a finite-element model, and the interface of the codes."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.mechanics import strain_energy as laws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
 Values = Mapping[str, Any]
 """Parameters of a law by name, vectors as tuples."""
 
-# Default ratio of the bulk modulus to the stiffness at rest. It gives a Poisson ratio of 0.4995:
-# the volume hardly changes, and elements still converge.
-_BULK_TO_SHEAR = 1000.0
-
-
-class Units(NamedTuple):
-    """A consistent system of units, in which stress is force per square millimetre."""
-
-    stress: str
-    per_kpa: float
-    """Number of kPa in one unit of stress."""
-    words: str
-    """Units of the system, for the header of the card."""
-
-
+# Consistent systems of units, in which stress is force per square millimetre, by the unit of
+# stress, and the words about them in the header of a card.
 UNITS = {
-    "kPa": Units("kPa", 1.0, "mm, mN, kg, s, kPa; a density of 1060 kg/m3 is 1.06e-6 kg/mm3"),
-    "MPa": Units("MPa", 1e3, "mm, N, t, s, MPa; a density of 1060 kg/m3 is 1.06e-9 t/mm3"),
+    "kPa": "mm, mN, kg, s, kPa; a density of 1060 kg/m3 is 1.06e-6 kg/mm3",
+    "MPa": "mm, N, t, s, MPa; a density of 1060 kg/m3 is 1.06e-9 t/mm3",
 }
+# Terms of Ogden's law, at most: a limit of Abaqus and of FEBio.
+_MOST_TERMS = 6
 
 
 class Material(NamedTuple):
@@ -75,74 +67,83 @@ SILENT_LAWS: dict[type[StrainEnergy], str] = {
 """Laws that describe a tube only, so that no code has them, with the reason."""
 
 
-def in_units(energy: StrainEnergy, values: Values, units: Units) -> dict[str, Any]:
-    """Return the parameters in a system of units."""
+def in_units(energy: StrainEnergy, values: Values, unit: str) -> dict[str, Any]:
+    """Return the parameters with stresses in another unit than kPa."""
     found = {}
     for p in energy.parameters:
-        value = np.asarray(values[p.name], float) / (units.per_kpa if p.unit == "kPa" else 1.0)
+        value = np.asarray(values[p.name], float)
+        if p.unit == "kPa":
+            value = value / to_internal(1.0, unit, "pressure")
         found[p.name] = value.item() if p.size is None else tuple(value.tolist())
     return found
 
 
-def stiffness_at_rest(energy: StrainEnergy, values: Values) -> float:
-    r"""Return the small-strain shear modulus, plus ``4 k1`` with fibres.
+def bulk_modulus_of(energy: StrainEnergy, values: Values, given: float | None) -> float:
+    """Return the given bulk modulus, or 1000 times the stiffness at rest.
 
-    ``4 k1`` is the second derivative of a fibre family's energy by its stretch, at the stretch
-    where it starts to bear load.
+    The factor 1000 gives a Poisson ratio of 0.4995: the volume hardly changes, and elements still
+    converge.
 
     Raises
     ------
     ValueError
         If the stiffness is not positive, so that the solid is unstable at rest.
     """
-    stiffness = float(_STIFFNESS[type(energy)](values))
+    stiffness = _stiffness_at_rest(energy, values)
     if not stiffness > 0:
+        listed = ", ".join(f"{name} = {value}" for name, value in values.items())
         raise ValueError(
-            f"{energy.name} with {_listed(values)} has the shear modulus {stiffness:.6g}; a "
+            f"{energy.name} with {listed} has the shear modulus {stiffness:.6g}; a "
             "finite-element model needs a positive one: choose another point or other draws"
         )
-    return stiffness
+    return 1000.0 * stiffness if given is None else given
 
 
-def bulk_modulus_of(energy: StrainEnergy, values: Values, given: float | None) -> float:
-    """Return the given bulk modulus, or 1000 times the stiffness at rest."""
-    stiffness = stiffness_at_rest(energy, values)
-    return _BULK_TO_SHEAR * stiffness if given is None else given
+def check_positive(name: str, value: float, why: str) -> None:
+    """Raise ValueError, with the reason `why`, unless a value is positive."""
+    if not value > 0:
+        raise ValueError(f"{name} is {value:.6g}; expected a positive number, because {why}")
 
 
-def check_positive(name: str, values: Iterable[float], why: str) -> None:
-    """Raise ValueError, with the reason `why`, unless all values are positive."""
-    for value in values:
-        if not value > 0:
-            raise ValueError(f"{name} is {value:.6g}; expected a positive number, because {why}")
+def check_range(code: str, name: str, value: float, high: float = inf) -> None:
+    """Raise ValueError unless a value is from 0 to `high`."""
+    if not 0 <= value <= high:
+        raise ValueError(f"{name} is {value:.6g}; {code} takes values from 0 to {high:.6g}")
 
 
-def _listed(values: Values) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in values.items())
+def check_ogden(code: str, terms: Sequence[tuple[float, float]]) -> None:
+    """Raise ValueError unless a code accepts the moduli and exponents of Ogden's law."""
+    if len(terms) > _MOST_TERMS:
+        raise ValueError(
+            f"{code} has at most {_MOST_TERMS} terms of Ogden's law; the material has {len(terms)}"
+        )
+    if not all(exponent for _, exponent in terms):
+        raise ValueError(f"an exponent of Ogden's law is 0, by which {code} divides")
 
 
-def _series_of_chains(v: Values) -> float:
-    """Return the shear modulus ``2 dW/dI1`` of the Arruda-Boyce solid at rest."""
-    relative = 3 / v["lock"] ** 2
-    return 2 * v["mu"] * sum(i * c * relative ** (i - 1) for i, c in enumerate(LANGEVIN, start=1))
+def lines_of(paragraphs: list[str]) -> list[str]:
+    """Return the lines of a comment."""
+    return [line for text in paragraphs for line in wrap(text)]
 
 
-# Coefficients of the series of the inverse Langevin function in the energy of Arruda and Boyce, as
-# printed in the manuals of the codes.
-LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+def _stiffness_at_rest(energy: StrainEnergy, v: Values) -> float:
+    """Return the small-strain shear modulus ``2 dW/dI1``, plus ``4 k1`` with fibres.
 
-# Stiffness at rest of each law, as a function of its parameters.
-_STIFFNESS: dict[type[StrainEnergy], Callable[[Values], float]] = {
-    laws.NeoHookean: lambda v: v["mu"],
-    laws.MooneyRivlin: lambda v: 2 * (v["c10"] + v["c01"]),
-    laws.Yeoh: lambda v: 2 * v["c1"],
-    laws.Gent: lambda v: v["mu"],
-    laws.Demiray: lambda v: v["mu"],
-    laws.PowerLawNeoHookean: lambda v: v["mu"],
-    laws.ArrudaBoyce: _series_of_chains,
-    laws.Ogden: lambda v: 2 * v["mu"],
-    laws.OgdenSeries: lambda v: np.dot(v["mu"], v["alpha"]) / 2,
-    laws.HolzapfelGasserOgden: lambda v: v["c"] + 4 * v["k1"],
-    laws.GasserOgdenHolzapfel: lambda v: v["c"] + 4 * v["k1"],
-    laws.FourFiber: lambda v: v["c"] + 4 * max(x for name, x in v.items() if name[:2] == "k1"),
-}
+    ``4 k1`` is the second derivative of a fibre family's energy by its stretch, at the stretch
+    where it starts to bear load.
+    """
+    match energy:
+        case laws.NeoHookean() | laws.Gent() | laws.Demiray() | laws.PowerLawNeoHookean():
+            return v["mu"]
+        case laws.MooneyRivlin():
+            return 2 * (v["c10"] + v["c01"])
+        case laws.Yeoh():
+            return 2 * v["c1"]
+        case laws.ArrudaBoyce():
+            terms = enumerate(energy.coefficients, start=1)
+            return 2 * v["mu"] * sum(i * c * (3 / v["lock"] ** 2) ** (i - 1) for i, c in terms)
+        case laws.Ogden():
+            return 2 * v["mu"]
+        case laws.OgdenSeries():
+            return float(np.dot(v["mu"], v["alpha"])) / 2
+    return v["c"] + 4 * max(x for name, x in v.items() if name[:2] == "k1")

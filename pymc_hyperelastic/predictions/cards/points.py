@@ -7,9 +7,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.mechanics.strain_energy import Parameter
 from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.predictions.walls import WallDraws
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 
@@ -25,15 +27,6 @@ _WORDS = {
     "mean": "the mean of each parameter separately; together they may fit the data badly",
     "median": "the median of each parameter separately; together they may fit the data badly",
 }
-# Standard deviation of a parameter, or of its logarithm, below which it is constant, relative to
-# its largest value or to 1 if that is larger: relative rounding errors of 1e-14 then change no
-# distance by more than _EQUALLY_NEAR.
-_CONSTANT = 1e-8
-# Difference of two distances from the mean, in standard deviations, below which both draws are
-# equally near. Distances differ by their rounding errors between computers.
-_EQUALLY_NEAR = 1e-6
-# Thickness of a layer, treated like a material parameter.
-_THICKNESS = Parameter("thickness", "t", "mm", (0.0, 10.0), "thickness of a layer")
 
 
 class PointOfWall(NamedTuple):
@@ -83,11 +76,9 @@ def thinned(draws: WallDraws, count: int) -> list[PointOfWall]:
     ValueError
         If `count` is negative or exceeds the number of draws.
     """
-    if not isinstance(count, int) or isinstance(count, bool):
-        raise TypeError(f"draws is {count!r}; expected a whole number of further materials")
-    flat = _flat(draws)
-    total = _total(draws)
-    if not 0 <= count <= total:
+    check_count("draws", count, 0)
+    flat, total = _flat(draws), _total(draws)
+    if count > total:
         raise ValueError(f"draws is {count}; the posterior has {total}, expected 0 to {total}")
     places = (np.arange(count) + 0.5) * total // max(count, 1)
     return [
@@ -140,22 +131,26 @@ def _nearest_the_mean(wall: Sequence[NamedLayer], flat: list[dict[str, Array]]) 
     ]
     x = np.stack(columns, axis=1)
     sd = x.std(axis=0)
-    varies = sd > _CONSTANT * np.abs(x).max(axis=0, initial=1.0)
+    varies = sd > ROUNDING * np.abs(x).max(axis=0, initial=1.0)
     standard = (x - x.mean(axis=0))[:, varies] / sd[varies]
     distance = np.sqrt(np.square(standard).sum(axis=1))
-    return int(np.argmax(distance <= distance.min() + _EQUALLY_NEAR))
+    # Distances differ by their rounding errors between computers. Those that differ by less than a
+    # millionth of a standard deviation count as equal.
+    return int(np.argmax(distance <= distance.min() + 1e-6))
 
 
-def _parameter(layer: NamedLayer, name: str) -> Parameter:
-    return next((p for p in layer.energy.parameters if p.name == name), _THICKNESS)
+def _parameter(layer: NamedLayer, name: str) -> Parameter | None:
+    """Return a parameter of the law of a layer; None for its thickness."""
+    return next((p for p in layer.energy.parameters if p.name == name), None)
 
 
-def _even(parameter: Parameter) -> bool:
+def _even(parameter: Parameter | None) -> bool:
     """Return True if the sign of a parameter makes no difference to the material."""
-    return parameter.natural_scale == "log" and parameter.prior_range[0] < 0
+    return bool(parameter and parameter.natural_scale == "log" and parameter.prior_range[0] < 0)
 
 
-def _coordinate(parameter: Parameter, values: Array) -> Array:
+def _coordinate(parameter: Parameter | None, values: Array) -> Array:
     """Return draws on the scale for distances: logarithms, if the natural scale is logarithmic."""
     size = np.abs(values) if _even(parameter) else values
-    return np.log(size) if parameter.natural_scale == "log" and np.all(size > 0) else size
+    log = parameter is None or parameter.natural_scale == "log"
+    return np.log(size) if log and np.all(size > 0) else size
