@@ -5,7 +5,6 @@
 """
 
 import json
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
@@ -29,7 +28,7 @@ from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.io.checksum import digests_of
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.rounding import DIGITS
 
 # Prediction for data not yet classified, as after an interrupt.
@@ -144,9 +143,7 @@ class Classification:
         except KeyboardInterrupt:
             if not interruptible:
                 raise
-            warnings.warn(
-                "interrupted: experiments not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
-            )
+            warn_user("interrupted: experiments not yet classified are NaN")
         result = tabulate(predictions, self._prior, self.by, self.names)
         result["error"] = (self.by, errors)
         if not self._has_p_value:
@@ -183,7 +180,7 @@ class Classification:
             except (ValueError, ArithmeticError) as error:
                 # One specimen must not end a batch.
                 message = f"{describe_test(part, 0)} cannot be judged: {error}"
-                warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+                warn_user(message)
             advance()
         variables = {
             "rival": ((self.by, "class_label"), rivals.astype(str)),

@@ -1,12 +1,11 @@
 """Check that evidences of strain energies are comparable: same data and same likelihood."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import xarray as xr
 
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import (
     holds_inflation_data,
     inflation_data_of,
@@ -79,10 +78,9 @@ def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
         }
         unknown = " and ".join(what for what, is_recorded in recorded.items() if not is_recorded)
         if unknown:
-            warnings.warn(
+            warn_user(
                 f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "
-                "only for the same data and likelihood: check that all fits have the same",
-                skip_file_prefixes=(PACKAGE,),
+                "only for the same data and likelihood: check that all fits have the same"
             )
 
 

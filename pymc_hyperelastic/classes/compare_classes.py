@@ -29,12 +29,12 @@ from pymc_hyperelastic.classes.quantities import (
 from pymc_hyperelastic.classes.sensitivity import power_scaling
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.priors import PRIOR_DRAWS, draws_of
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]

@@ -1,7 +1,6 @@
 """Cross-validation of classes: classify specimens by classes that were fitted without them."""
 
 import json
-import warnings
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
@@ -27,7 +26,7 @@ from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, see
 from pymc_hyperelastic.evidence.verdicts import BAD, worst_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.parallel import one_thread
@@ -269,9 +268,7 @@ def _leave_out_each(
                         values[place] = held[name].values
                     progress.advance(bar)
         except KeyboardInterrupt:
-            warnings.warn(
-                "interrupted: specimens not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
-            )
+            warn_user("interrupted: specimens not yet classified are NaN")
     return found
 
 

@@ -4,7 +4,6 @@ The number of draws of each specimen is increased until the error that they caus
 the class is small. Classes with variability and joint fits of groups use this module.
 """
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -38,7 +37,7 @@ from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.verdicts import registered_checks
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density, stacked
@@ -177,7 +176,7 @@ def draws_of_class(
                 "curves are inaccurate: the evidence of its class has an infinite error. Leave the "
                 "specimen out, or give more informative priors"
             )
-            warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+            warn_user(message)
     return ClassDraws(current, _enough(variances), particles)
 
 

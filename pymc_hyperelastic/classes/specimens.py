@@ -7,7 +7,6 @@ and the model of a class has only the parameters of the class distribution as un
 classes and predictions for new specimens use this module.
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,7 +32,7 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
@@ -198,11 +197,10 @@ class SpecimenSampler:
         if accurate:
             return found, target
         (name,) = specimens_of(data)[0]
-        warnings.warn(
+        warn_user(
             f"the curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
             "their largest value, because its material is far from the prior: the standard error "
-            "of its evidence is infinite",
-            skip_file_prefixes=(PACKAGE,),
+            "of its evidence is infinite"
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 

@@ -4,14 +4,13 @@ Fits warn of copies among the training data. Classification and cross-validation
 and data that are left out, that are in the training data: a class always fits its own data.
 """
 
-import warnings
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
@@ -62,12 +61,11 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
             )
     if training_specimens and fresh:
         names = " and ".join(f"{n} of class {name!r}" for name, n in training_specimens.items())
-        warnings.warn(
+        warn_user(
             f"the new data hold the specimens {names}, whose other measurements were in the "
             "training data: with variability each is modelled as a new specimen, and therefore "
             "looks more typical of its class than it is. Leave these specimens out of the classes, "
-            "or rename them if they are different specimens",
-            skip_file_prefixes=(PACKAGE,),
+            "or rename them if they are different specimens"
         )
 
 
@@ -85,11 +83,10 @@ def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
         for test, copies in _copies(data, held):
             others = {*copies} - {data["specimen"].values[test]}
             if others and sizes[test] >= _FEWEST_COPIED:
-                warnings.warn(
+                warn_user(
                     f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
                     f"specimen {min(others, key=str)!r} as well, and would count twice: if one "
-                    "was copied by mistake, remove it",
-                    skip_file_prefixes=(PACKAGE,),
+                    "was copied by mistake, remove it"
                 )
                 return
 
