@@ -14,7 +14,7 @@ import xarray as xr
 from scipy.special import softmax
 
 from pymc_hyperelastic.classes.average import average, laws_of
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE, Prediction
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_classes
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
@@ -39,9 +39,6 @@ _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
 _UNJUDGED = "cannot be judged"
 #: Attribute of decisions: checksums of the classes by which they were made, as JSON.
 CLASSES = "classes"
-# Difference of log posteriors, in nats, below the most probable class, at which an unreliable
-# evidence is ignored: the probability of that class is below exp(−10) = 5e-5.
-_IGNORED_BELOW = 10.0
 
 
 class Classification:
@@ -302,7 +299,7 @@ def is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
     doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
     doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
     doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
-    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _IGNORED_BELOW
+    near = log_posterior > log_posterior.max(axis=1, keepdims=True) + np.log(NEGLIGIBLE)
     return (doubtful & near).any(axis=1)
 
 

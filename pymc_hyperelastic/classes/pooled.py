@@ -24,8 +24,11 @@ from pymc_hyperelastic.classes.interface import (
     Seed,
     by_group,
 )
-from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive, particles_of
-from pymc_hyperelastic.classes.signals import with_hybrids
+from pymc_hyperelastic.classes.pooled_prediction import (
+    ClassPredictive,
+    particles_of,
+    with_hybrids,
+)
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces

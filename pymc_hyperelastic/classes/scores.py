@@ -13,8 +13,6 @@ from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Largest deviation of the sum of a unit's probabilities from 1: inputs may have been rounded.
-_SUM_TOLERANCE = 1e-6
 # Name of the forecast by the most probable class.
 TOP_CLASS = "most probable class"
 
@@ -168,7 +166,7 @@ def _checked_probability(probability: Any) -> xr.DataArray:
             "least one of each, and each class once"
         )
     for i, p in enumerate(probability.values):
-        if not np.all((p >= 0) & (p <= 1 + _SUM_TOLERANCE)) or abs(p.sum() - 1) > _SUM_TOLERANCE:
+        if not np.all(p >= 0) or not np.isclose(p.sum(), 1):
             raise ValueError(
                 f"{_name_of_unit(probability, i)}: the probabilities {p.tolist()} are not numbers "
                 "between 0 and 1 that add up to 1"

@@ -12,14 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE, Prediction
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
-
-# Weight in an average over strain energies below which a strain energy changes no reported digit of
-# a Shapley value.
-_NEGLIGIBLE_WEIGHT = 1e-4
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -75,10 +71,7 @@ def _are_relevant(laws: Laws, ends: Array) -> NDArray[np.bool_]:
         return np.array([True])
     shares = softmax(laws.log_probability[:, None] + ends, axis=0)
     # The comparison is False for NaN: an unknown weight is not negligible.
-    return ~(
-        (np.exp(laws.log_probability) < _NEGLIGIBLE_WEIGHT)
-        & (shares.max(axis=1) < _NEGLIGIBLE_WEIGHT)
-    )
+    return ~((np.exp(laws.log_probability) < NEGLIGIBLE) & (shares.max(axis=1) < NEGLIGIBLE))
 
 
 def shapley(values: Array) -> Array:

@@ -15,8 +15,6 @@ from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
 
-# Points of a test that another specimen has, too; fewer may agree by chance.
-_FEWEST_COPIED = 3
 # Rounded radius and pressure, by which points are compared.
 Point = tuple[float, ...]
 # Data, and the index of a test, that hold a point: by the point, and by a label of the holder.
@@ -82,7 +80,8 @@ def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
         sizes = np.bincount(data["test"].values, minlength=data.sizes["test"])
         for test, copies in _copies(data, held):
             others = {*copies} - {data["specimen"].values[test]}
-            if others and sizes[test] >= _FEWEST_COPIED:
+            # One or two points may agree by chance.
+            if others and sizes[test] >= 3:
                 warn_user(
                     f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
                     f"specimen {min(others, key=str)!r} as well, and would count twice: if one "
