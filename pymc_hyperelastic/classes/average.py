@@ -232,11 +232,10 @@ def average(
     """
     if len(predictions) == 1:
         return [*predictions[0]]
-    values = np.array([[p.log_evidence.value for p in of_law] for of_law in predictions])
+    known = [[(*p.log_evidence, p.own_error) for p in of_law] for of_law in predictions]
+    values, errors, own = np.moveaxis(np.array(known), -1, 0)
     terms = laws.log_probability[:, None] + values
     evidence, share = logsumexp(terms, axis=0), softmax(terms, axis=0)
-    errors = np.array([[p.log_evidence.standard_error for p in of_law] for of_law in predictions])
-    own = np.array([[p.own_error for p in of_law] for of_law in predictions])
     error, own = (error_of_mean(share, each) for each in (errors, own))
     of_laws = of_probability = np.full(len(evidence), np.inf)
     if laws.drawn is not None:

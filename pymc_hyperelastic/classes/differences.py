@@ -26,55 +26,42 @@ _GRID_POINTS = 128
 
 def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditions) -> xr.Dataset:
     """Return statistics and overlaps of the groups for each draw of their distributions."""
-    groups, kind = of_law.groups, of_law.kind
-    values = np.stack(
-        [np.stack([*values_of(kind, found.coordinates[g], names, at).values()]) for g in groups]
-    )  # (group, quantity, pressure, draw, specimen)
-    typical, others = values[..., 0], values[..., 1:]
+    groups, kind, pairs = of_law.groups, of_law.kind, of_law.comparisons
+    values = xr.DataArray(
+        [[*values_of(kind, found.coordinates[g], names, at).values()] for g in groups],
+        {"group": groups, "quantity": list(names), "pressure": at.pressures},
+        ("group", "quantity", "pressure", "draw", "member"),
+    )
+    typical, others = values.isel(member=0), values.isel(member=slice(1, None))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
-        statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
-    of_comparison = "comparison", "quantity", "pressure", "draw"
+        statistics = [typical, others.mean("member"), others.std("member")]
+    overlaps = [
+        [_overlap(of) for of in others.sel(group=[*pair]).values.swapaxes(0, 1)] for pair in pairs
+    ]
+    of_specimens = [_overlap_of_specimens(found, *pair) for pair in pairs]
     result = xr.Dataset(
         {
-            "draws": (("statistic", "group", "quantity", "pressure", "draw"), np.stack(statistics)),
-            "lacking": (
-                ("group", "quantity", "pressure", "draw"),
-                np.isnan(others).mean(axis=-1),
-            ),
-            "overlap": (
-                of_comparison,
-                np.stack(
-                    [
-                        [_overlap(of) for of in others[[*map(groups.index, pair)]].swapaxes(0, 1)]
-                        for pair in of_law.comparisons
-                    ]
-                ),
-            ),
-            "overlap_of_specimens": (
-                ("comparison", "draw"),
-                np.stack([_overlap_of_specimens(found, *pair) for pair in of_law.comparisons]),
-            ),
+            "draws": xr.concat(statistics, "statistic").assign_coords(statistic=STATISTICS),
+            "lacking": others.isnull().mean("member"),
+            "overlap": (("comparison", "quantity", "pressure", "draw"), overlaps),
+            "overlap_of_specimens": (("comparison", "draw"), of_specimens),
         },
         {
-            "statistic": STATISTICS,
-            "group": groups,
-            "quantity": list(names),
-            "pressure": at.pressures,
             "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
-            "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
-            "first": ("comparison", [a for a, _ in of_law.comparisons]),
-            "second": ("comparison", [b for _, b in of_law.comparisons]),
+            "comparison": [f"{b} − {a}" for a, b in pairs],
+            "first": ("comparison", [a for a, _ in pairs]),
+            "second": ("comparison", [b for _, b in pairs]),
         },
     )
     if of_law.pairs:
-        change = xr.DataArray(others[1] - others[0], dims=(*of_comparison[1:], "animal"))
+        change = others.isel(group=1, drop=True) - others.isel(group=0, drop=True)
         rising = (change > 0).where(change.notnull())
-        for name, value in {
-            "spread_of_change": change.std("animal"),
-            "share_rising": rising.mean("animal"),
-        }.items():
-            result[name] = of_comparison, value.values[None]
+        of_change = {
+            "spread_of_change": change.std("member"),
+            "share_rising": rising.mean("member"),
+        }
+        result = result.assign({n: v.expand_dims("comparison") for n, v in of_change.items()})
     return result.assign(_of_specimens(of_law, found, names, at))
 
 

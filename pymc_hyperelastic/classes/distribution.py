@@ -126,8 +126,8 @@ class ClassModel:
         # The shapes decide how many points are evaluated at once.
         shapes = tuple((group, parts[0]["log_weight"].shape) for group, parts in arrays.items())
         if shapes not in self._kernels:
-            shared = {group: [*map(_shared, parts)] for group, parts in arrays.items()}
-            self._kernels[shapes] = shared, BatchedSMC(model=self.model(shared))
+            made = {group: [*map(_shared, parts)] for group, parts in arrays.items()}
+            self._kernels[shapes] = made, BatchedSMC(model=self.model(made))
         shared, kernel = self._kernels[shapes]
         for group, parts in arrays.items():
             for variables, part in zip(shared[group], parts, strict=True):
@@ -199,12 +199,11 @@ def draws_of_class(
                 current[name] = found
     for name, draws in current.items():
         if not np.isfinite(draws.standard_error):
-            message = (
+            warn_user(
                 f"specimen {name!r} was given up, because its sampling did not converge or its "
                 "curves are inaccurate: the evidence of its class has an infinite error. Leave the "
                 "specimen out, or give more informative priors"
             )
-            warn_user(message)
     return ClassDraws(current, _enough(variances), particles)
 
 
@@ -219,7 +218,6 @@ class _Fit:
         self, model: ClassModel, units: Units, size: int, count: int, particles: Array | None
     ) -> None:
         self.model, self.units, self.particles = model, units, particles
-        self._mixture: GaussianMixture | None = None
         self._bridge: BridgeFromParticles | None = None
         self.kernel = self._kernel(size, count)
 
@@ -293,22 +291,20 @@ class _Fit:
             count,
             rng,
             draw_prior=target.draw_prior,
+            draws=4 * count,  # of which a quarter or more is effective
         )
         if not found.pareto_k < LARGEST_PARETO_K:
             found = integrate(target, count, rng)
             self.particles = None
         if self.particles is None:
-            self.particles, self._mixture = found.particles, None
+            self.particles = found.particles
         return found
 
     def _initial_proposal(self, rng: np.random.Generator) -> GaussianMixture:
         """Return a mixture fitted to the particles of an earlier fit, or to prior draws."""
         if self.particles is None:
-            target = self.kernel.target
-            return GaussianMixture.fit(target.draw_prior(DRAWS, rng), 1, rng)
-        components = components_for(len(self.particles), self.kernel.dimension)
-        self._mixture = self._mixture or GaussianMixture.fit(self.particles, components, rng)
-        return self._mixture
+            return GaussianMixture.fit(self.kernel.target.draw_prior(DRAWS, rng), 1, rng)
+        return GaussianMixture.fit(self.particles, components_for(*self.particles.shape), rng)
 
 
 def fit_distribution(

@@ -80,9 +80,9 @@ class Groups:
         if self.pairs:
             animals = {"pairs": self._paired_units()}
             of_parts, powers = self._fitted_jointly(animals, count, seed)
-            standard = standard_specimens(2 * size, specimens)
-            units = [*animals["pairs"].values()]
-            return _of_pairs(self.groups, *of_parts["pairs"], standard, powers, units)
+            middle, change = of_parts["pairs"]
+            standard, units = standard_specimens(2 * size, specimens), [*animals["pairs"].values()]
+            return _of_pairs(self.groups, middle, change, standard, powers, units)
         standard, units_of_groups = standard_specimens(size, specimens), self._units(self.groups)
         if self.covariates.names:
             of_parts, powers = self._fitted_jointly(units_of_groups, count, seed)
@@ -181,22 +181,15 @@ def _of_pairs(
     effects = np.array(middle.effects)[..., 0] if len(middle.effects) else None
     of_middle = middle.coordinates(standard[:, :size].T)
     of_change = change.coordinates(standard[:, size:].T)
-    coordinates = {
-        g: of_middle + sign * of_change / 2 for g, sign in zip(groups, (-1, 1), strict=True)
-    }
     both = [draws_given(animal, [middle, change]) for animal in animals]
-    measured = {
-        g: np.stack([mean + sign * difference / 2 for mean, difference in both], axis=-1)
-        for g, sign in zip(groups, (-1, 1), strict=True)
-    }
     middle, change = middle.without_effects(), change.without_effects()
     covariance = middle.covariance() + change.covariance() / 4
-    distributions = {
-        g: middle.with_covariance(
-            covariance, middle.location + sign * np.asarray(change.location) / 2
-        )
-        for g, sign in zip(groups, (-1, 1), strict=True)
-    }
+    coordinates, measured, distributions = {}, {}, {}
+    for group, half in zip(groups, (-0.5, 0.5), strict=True):
+        coordinates[group] = of_middle + half * of_change
+        measured[group] = np.stack([mean + half * whole for mean, whole in both], axis=-1)
+        location = middle.location + half * np.asarray(change.location)
+        distributions[group] = middle.with_covariance(covariance, location)
     return GroupDraws(distributions, coordinates, powers, measured, effects)
 
 

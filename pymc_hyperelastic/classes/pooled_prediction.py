@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.classes.interface import DRAWS, Prediction
+from pymc_hyperelastic.classes.interface import DRAWS, FEWEST_DRAWS, Prediction
 from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
@@ -36,9 +36,6 @@ Array = NDArray[np.float64]
 # Function of the number of a class and of a set of signals: the log evidence, in nats, of these
 # signals alone under the class; NaN if it is unknown.
 EvidenceOf = Callable[[int, frozenset[str]], float]
-
-# Number of class draws at which the likelihood of new data is computed first.
-_TRIAL_DRAWS = 200
 
 
 def particles_of(fitted: xr.DataTree, model: pm.Model) -> dict[str, Array]:
@@ -123,7 +120,12 @@ class ClassPredictive:
         self._width = width_of(thinned)
         self._modes = self._modes_from(self._score_of_class, self._mixture.means)
         self._normaliser = importance_sampling(
-            self._score_of_class, self._mixture, expectation_maximisation, 1, rng
+            self._score_of_class,
+            self._mixture,
+            expectation_maximisation,
+            1,
+            rng,
+            draws=5 * DRAWS,  # its error enters the evidences of all new data
         )
 
     def _score_of_class(self, points: Array) -> tuple[Array, Array]:
@@ -142,7 +144,7 @@ class ClassPredictive:
 
     def _from_class_draws(self) -> Prediction | None:
         # For most specimens too few class draws are effective: some of them show it quickly.
-        trial = self._log_likelihood(self._draws[evenly(len(self._draws), _TRIAL_DRAWS)])
+        trial = self._log_likelihood(self._draws[evenly(len(self._draws), FEWEST_DRAWS)])
         if effective_sample_size(trial) / len(trial) < ENOUGH / len(self._draws):
             return None
         log_weights = self._log_likelihood(self._draws)
