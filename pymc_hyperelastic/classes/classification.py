@@ -64,9 +64,9 @@ class Classification:
         by: str,
         class_prior: Mapping[str, float] | None,
         average_over: Sequence[xr.DataTree],
-        undecided_below: float,
-        none_below: float,
         random_seed: Any,
+        undecided_below: float = 0.0,
+        none_below: float = 0.0,
     ) -> None:
         _check_limits(by, undecided_below, none_below)
         if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):

@@ -158,14 +158,10 @@ def _as_numbers(name: str, values: OfSpecimens) -> dict[str, OfSpecimens]:
             )
         if pd.isna(value) or str(value).strip() in ("", "nan"):
             raise ValueError(f"{where} is missing: leave the specimen out, or state it")
+        if isinstance(value, (Real, np.bool_)) and np.isinf(float(value)):
+            raise ValueError(f"{where} is {value!r}; expected a finite number")
     numeric = [isinstance(v, (Real, np.bool_)) for _, _, v in flat]
     if all(numeric):
-        for group, specimen, value in flat:
-            if np.isinf(float(value)):
-                raise ValueError(
-                    f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}; "
-                    "expected a finite number"
-                )
         return {name: values}
     if any(numeric):
         raise ValueError(f"covariate {name!r} is a number for some specimens but not for others")

@@ -326,19 +326,15 @@ def fit_distribution(
     tree = fit_enough(
         model, units_of(specimens), count, chains, random_seed, advance, size, particles
     )
-    dims = {
+    dims: dict[str, tuple[str, ...]] = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
         "log_size": ("specimen", "noise", "particle"),
         "deviations": ("specimen", "measure", "particle"),
         "log_weight": ("specimen", "particle"),
-        "tests": ("specimen",),
-        "standard_error": ("specimen",),
-        "misfit": ("specimen",),
-        "freedom": ("specimen",),
-        "method": ("specimen",),
-        "pareto_k": ("specimen",),
     }
+    of_specimen = "tests", "standard_error", "misfit", "freedom", "method", "pareto_k"
+    dims |= dict.fromkeys(of_specimen, ("specimen",))
     tree["specimens"] = xr.Dataset(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
         {

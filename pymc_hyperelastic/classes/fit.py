@@ -182,8 +182,7 @@ def manifest_of(
 
     `work` is the name of the function, and `settings` are all that change its numbers.
     """
-    seed_and_data = {"random_seed": seed.entropy, "data": digests_of(groups)}
-    return {"work": work} | settings | seed_and_data
+    return {"work": work, **settings, "random_seed": seed.entropy, "data": digests_of(groups)}
 
 
 def check_groups(groups: Any) -> None:

@@ -34,15 +34,6 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 Array = NDArray[np.float64]
 
 
-def _misfits_of(fitted: xr.DataTree) -> tuple[Array, Array]:
-    """Return the sum of squares of each specimen of a class, and its degrees of freedom."""
-    misfit, freedom = (
-        read_numbers(fitted, "specimens", name, ("specimen",), finite=False).values
-        for name in ("misfit", "freedom")
-    )
-    return misfit, freedom
-
-
 class SpecimenPredictive:
     """Evidence and p-values of new specimens under fitted classes.
 
@@ -61,7 +52,14 @@ class SpecimenPredictive:
     ) -> None:
         self._population, self._sampler = population, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
-        self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
+        # The sum of squares of each specimen of a class, and its degrees of freedom.
+        self._misfits = {
+            name: [
+                read_numbers(tree, "specimens", variable, ("specimen",), finite=False).values
+                for variable in ("misfit", "freedom")
+            ]
+            for name, tree in classes.items()
+        }
 
     def __call__(
         self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None

@@ -53,18 +53,12 @@ def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array)
     """
     count = min(len(first.log_weight), len(second.log_weight))
     first, second = first.first(count), second.first(count)
-    middle = replace(
-        first,
-        centre=(first.centre + second.centre) / 2,
-        covariates=covariates.mean(axis=0),
-    )
-    change = replace(
-        second, centre=second.centre - first.centre, covariates=covariates[1] - covariates[0]
-    )
+    mean, difference = (first.centre + second.centre) / 2, second.centre - first.centre
+    middle = replace(first, centre=mean, covariates=covariates.mean(axis=0))
+    change = replace(second, centre=difference, covariates=covariates[1] - covariates[0])
     log_weight = first.log_weight + second.log_weight + np.log(count)
-    return Unit(
-        (middle, change), log_weight, float(np.hypot(first.standard_error, second.standard_error))
-    )
+    error = float(np.hypot(first.standard_error, second.standard_error))
+    return Unit((middle, change), log_weight, error)
 
 
 def draws_given(
