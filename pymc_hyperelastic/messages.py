@@ -1,6 +1,7 @@
 """Texts in messages: values, errors of other libraries, and the line that called the package."""
 
 import os.path
+import warnings
 from typing import Any
 
 #: A warning that skips files under this path names the line that called the package.
@@ -9,6 +10,11 @@ PACKAGE = os.path.join(os.path.dirname(__file__), "")
 _LONGEST_SHOWN = 80
 # Letters of the text of another library's error: some lines.
 _LONGEST_REASON = 300
+
+
+def warn_user(words: str) -> None:
+    """Issue a warning that points to the user's line of code, outside the package."""
+    warnings.warn(words, skip_file_prefixes=(PACKAGE,))
 
 
 def shown(value: Any) -> str:

@@ -1,21 +1,23 @@
 """Bayesian model averaging of classes over strain energies.
 
 Strain energies are weighted with their posterior probabilities, which follow from the evidences of
-the training data. Classification, comparison and the plot of these probabilities use them.
+the training data: evidences are comparable if the data and the likelihood are the same.
+Classification, comparison and the plot of these probabilities use them.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 
-from pymc_hyperelastic.classes.comparable import Fit, check_comparable, likelihood_said
 from pymc_hyperelastic.classes.interface import (
+    DRAWS,
+    SEED,
     ClassKind,
     Prediction,
     training_evidence,
@@ -23,17 +25,18 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.settings import law_names_of, wall_of
+from pymc_hyperelastic.messages import warn_user
+from pymc_hyperelastic.models.settings import (
+    NamedLayer,
+    holds_inflation_data,
+    inflation_data_of,
+    law_names_of,
+    model_settings_of,
+    named_layers,
+    wall_of,
+)
 
 Array = NDArray[np.float64]
-
-# Number of random draws of the log evidences, by which their standard errors are propagated: the
-# relative error of a standard deviation from 2000 draws is 2 %.
-_DRAWS = 2000
-# Seed of these draws, so that equal evidences give equal errors.
-_SEED = 1
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class Laws:
             return np.zeros((1, 1))
         if not np.isfinite(errors).all():
             return None
-        noise = np.random.default_rng(_SEED).standard_normal((_DRAWS, len(values)))
+        noise = np.random.default_rng(SEED).standard_normal((DRAWS, len(values)))
         return log_softmax(values + errors * noise, axis=1)
 
     @cached_property
@@ -180,9 +183,7 @@ def labels_of(kinds: Sequence[ClassKind]) -> list[str]:
     """Return unique labels of strain energies; equal names are extended by settings."""
     descriptions = []
     for kind in kinds:
-        wall = [kind.energy] if isinstance(kind.energy, StrainEnergy) else kind.energy
-        laws = [layer.energy if isinstance(layer, Layer) else layer for layer in wall]
-        descriptions.append((*_names(laws), kind.in_words))
+        descriptions.append((*_names(named_layers(kind.energy)), kind.in_words))
     return _unique_labels(descriptions)
 
 
@@ -195,13 +196,14 @@ def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
                 f"fit number {i} does not name its strain energy: give the fits as a dict of names "
                 "to results"
             )
-        descriptions.append((*_names([layer.energy for layer in wall_of(tree)]), ""))
+        descriptions.append((*_names(wall_of(tree)), ""))
     return _unique_labels(descriptions)
 
 
-def _names(energies: Sequence[StrainEnergy]) -> tuple[str, str]:
+def _names(layers: Sequence[NamedLayer]) -> tuple[str, str]:
     """Return a label of the layers, from the inside out, without and with their settings."""
-    return " in ".join(law.name for law in energies), " in ".join(map(repr, energies))
+    laws = [layer.energy for layer in layers]
+    return " in ".join(law.name for law in laws), " in ".join(map(repr, laws))
 
 
 def _unique_labels(descriptions: Sequence[tuple[str, str, str]]) -> list[str]:
@@ -230,11 +232,10 @@ def average(
     """
     if len(predictions) == 1:
         return [*predictions[0]]
-    values = np.array([[p.log_evidence.value for p in of_law] for of_law in predictions])
+    known = [[(*p.log_evidence, p.own_error) for p in of_law] for of_law in predictions]
+    values, errors, own = np.moveaxis(np.array(known), -1, 0)
     terms = laws.log_probability[:, None] + values
     evidence, share = logsumexp(terms, axis=0), softmax(terms, axis=0)
-    errors = np.array([[p.log_evidence.standard_error for p in of_law] for of_law in predictions])
-    own = np.array([[p.own_error for p in of_law] for of_law in predictions])
     error, own = (error_of_mean(share, each) for each in (errors, own))
     of_laws = of_probability = np.full(len(evidence), np.inf)
     if laws.drawn is not None:
@@ -275,3 +276,93 @@ def error_of_mean(share: Array, errors: Array) -> Array:
 def _error(drawn: Array, stated: Array) -> Array:
     """Return the root mean square deviation of draws, along axis 0, from the estimate."""
     return np.sqrt(np.mean((drawn - stated) ** 2, axis=0))
+
+
+class Fit(NamedTuple):
+    """Fitted results of one strain energy."""
+
+    label: str
+    fitted: Mapping[str, xr.DataTree]
+    """Results by class; a single result has the name ``""``."""
+    likelihood: str | None
+    """The likelihood in words; None if the result does not state it."""
+
+
+def likelihood_said(tree: xr.DataTree) -> str | None:
+    """Return the likelihood of one result in words; None if the result does not state it."""
+    settings = model_settings_of(tree)
+    likelihood = None if settings is None else settings.make_likelihood()
+    if settings is None or likelihood is None:
+        return None
+    if settings.variability == "none":
+        return f"the likelihood {likelihood!r}"
+    # Errors belong to each specimen and may differ between laws; the signals may not.
+    forces = " and forces" if likelihood.with_force else ""
+    return f"variability={settings.variability!r}, of pressures{forces}"
+
+
+def check_comparable(fits: Sequence[Fit], argument: str) -> None:
+    """Raise ValueError, naming the difference, unless the evidences of the fits are comparable.
+
+    Warn about fits that do not record their data or likelihood. `argument` is the name of the
+    user's argument, for messages.
+    """
+    first = fits[0]
+    for fit in fits:
+        if list(fit.fitted) != list(first.fitted):
+            raise ValueError(
+                f"{argument} holds {fit.label} with the classes {list(fit.fitted)}, but "
+                f"{first.label} has the classes {list(first.fitted)}: give results with the same "
+                "classes"
+            )
+        if None not in (fit.likelihood, first.likelihood) and fit.likelihood != first.likelihood:
+            raise ValueError(
+                f"{argument} holds {fit.label} with {fit.likelihood}, but {first.label} has "
+                f"{first.likelihood}: their evidences do not compare"
+            )
+        for name, tree in fit.fitted.items():
+            data = [_data_of(t) for t in (tree, first.fitted[name])]
+            differs = _what_differs(*data) if data[0] is not None and data[1] is not None else ""
+            if differs:
+                of = f"class {name!r} has other training data" if name else "there are other data"
+                raise ValueError(
+                    f"{of} under {fit.label} than under {first.label} ({differs}): their evidences "
+                    "do not compare"
+                )
+    _warn_of_unknown(fits, argument)
+
+
+def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
+    """Warn about fits that do not record their data or likelihood."""
+    if len(fits) == 1:
+        return
+    for fit in fits:
+        recorded = {
+            "from which inflation data": all(_data_of(t) is not None for t in fit.fitted.values()),
+            "with which likelihood": fit.likelihood is not None,
+        }
+        unknown = " and ".join(what for what, is_recorded in recorded.items() if not is_recorded)
+        if unknown:
+            warn_user(
+                f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "
+                "only for the same data and likelihood: check that all fits have the same"
+            )
+
+
+def _data_of(tree: xr.DataTree) -> xr.Dataset | None:
+    """Return the inflation data of a result; None if the model has other data."""
+    return inflation_data_of(tree) if holds_inflation_data(tree) else None
+
+
+def _what_differs(one: xr.Dataset, other: xr.Dataset) -> str:
+    """Describe how two sets of inflation data differ; return an empty string if they are equal."""
+    if one.equals(other):
+        return ""
+    for dim, things in (("test", "tests"), ("obs", "points")):
+        if one.sizes[dim] != other.sizes[dim]:
+            return f"{one.sizes[dim]} {things}, not {other.sizes[dim]}"
+    names = dict.fromkeys([*one.variables, *other.variables])
+    equal = {
+        n for n in names if n in one and n in other and one[n].variable.equals(other[n].variable)
+    }
+    return "in " + ", ".join(str(name) for name in names if name not in equal)

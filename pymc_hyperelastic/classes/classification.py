@@ -5,7 +5,6 @@
 """
 
 import json
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
@@ -15,7 +14,7 @@ import xarray as xr
 from scipy.special import softmax
 
 from pymc_hyperelastic.classes.average import average, laws_of
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE, Prediction
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_classes
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
@@ -29,7 +28,7 @@ from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.io.checksum import digests_of
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.rounding import DIGITS
 
 # Prediction for data not yet classified, as after an interrupt.
@@ -40,9 +39,6 @@ _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
 _UNJUDGED = "cannot be judged"
 #: Attribute of decisions: checksums of the classes by which they were made, as JSON.
 CLASSES = "classes"
-# Difference of log posteriors, in nats, below the most probable class, at which an unreliable
-# evidence is ignored: the probability of that class is below exp(−10) = 5e-5.
-_IGNORED_BELOW = 10.0
 
 
 class Classification:
@@ -68,9 +64,9 @@ class Classification:
         by: str,
         class_prior: Mapping[str, float] | None,
         average_over: Sequence[xr.DataTree],
-        undecided_below: float,
-        none_below: float,
         random_seed: Any,
+        undecided_below: float = 0.0,
+        none_below: float = 0.0,
     ) -> None:
         _check_limits(by, undecided_below, none_below)
         if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):
@@ -144,9 +140,7 @@ class Classification:
         except KeyboardInterrupt:
             if not interruptible:
                 raise
-            warnings.warn(
-                "interrupted: experiments not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
-            )
+            warn_user("interrupted: experiments not yet classified are NaN")
         result = tabulate(predictions, self._prior, self.by, self.names)
         result["error"] = (self.by, errors)
         if not self._has_p_value:
@@ -183,7 +177,7 @@ class Classification:
             except (ValueError, ArithmeticError) as error:
                 # One specimen must not end a batch.
                 message = f"{describe_test(part, 0)} cannot be judged: {error}"
-                warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+                warn_user(message)
             advance()
         variables = {
             "rival": ((self.by, "class_label"), rivals.astype(str)),
@@ -305,7 +299,7 @@ def is_unreliable(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
     doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
     doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
     doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
-    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _IGNORED_BELOW
+    near = log_posterior > log_posterior.max(axis=1, keepdims=True) + np.log(NEGLIGIBLE)
     return (doubtful & near).any(axis=1)
 
 

@@ -1,6 +1,5 @@
 """Classify new experiments or specimens by their marginal likelihood under fitted classes."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +17,7 @@ from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.io.batches import Prepared, Remarks, UnitWork, run_in_batches
 from pymc_hyperelastic.io.open import open_result
 from pymc_hyperelastic.io.store import Store
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import wall_of
 from pymc_hyperelastic.parallel import LOCK
 
@@ -221,10 +220,9 @@ def _warn(remarks: Remarks, data: xr.Dataset, units: Mapping[str, Sequence[int]]
         label, error = next(iter(remarks.failed.items()))
         name, others = describe_test(data, units[label][0]), len(remarks.failed) - 1
         also = f"; nor can {others} of the others: see 'error' of the result" if others else ""
-        warnings.warn(f"{name} cannot be judged: {error}{also}", skip_file_prefixes=(PACKAGE,))
+        warn_user(f"{name} cannot be judged: {error}{also}")
     if remarks.doubtful:
-        warnings.warn(
+        warn_user(
             f"{len(remarks.doubtful)} of {len(units)} cannot be judged: see class_verdict, "
-            "log_evidence_se, pareto_k and p_value",
-            skip_file_prefixes=(PACKAGE,),
+            "log_evidence_se, pareto_k and p_value"
         )

@@ -18,6 +18,7 @@ from pymc_hyperelastic.classes.average import error_of_mean, labels_of, laws_of
 from pymc_hyperelastic.classes.differences import by_draw, differences, interval, summary
 from pymc_hyperelastic.classes.groups import Groups, groups_of, kind_of_groups
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
+from pymc_hyperelastic.classes.interface import FEWEST_DRAWS
 from pymc_hyperelastic.classes.joint import Apart
 from pymc_hyperelastic.classes.quantities import (
     MOST_LACKING,
@@ -29,20 +30,15 @@ from pymc_hyperelastic.classes.quantities import (
 from pymc_hyperelastic.classes.sensitivity import power_scaling
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.priors import PRIOR_DRAWS, draws_of
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]
-
-# Ratio of two prior standard deviations of the Bayes factor: that of the difference of log spreads
-# to that of the difference of locations, in spreads. If locations of two groups typically differ by
-# one spread, their spreads typically differ by a factor of exp(0.5) = 1.6.
-_LOG_SPREAD_RATIO = 0.5
 
 
 @one_thread
@@ -221,7 +217,7 @@ def compare_classes(
     groups = groups_of(trees)
     names = [quantity] if isinstance(quantity, str) else list(quantity)
     check_quantities(names, kinds)
-    check_count("draws", draws, 100)
+    check_count("draws", draws, FEWEST_DRAWS)
     check_count("specimens", specimens, 2)
     check_fraction("ci_prob", ci_prob)
     laws = laws_of(trees, kinds, argument="classes")
@@ -250,7 +246,9 @@ def compare_classes(
     log_prior, log_likelihood = found[likely].powers
     result = result.assign(power_scaling(differences(alone), log_prior, log_likelihood))
     if effect_prior is not None:
-        apart = Apart(effect_prior, effect_prior * _LOG_SPREAD_RATIO)
+        # If locations of two groups typically differ by one spread, their spreads typically differ
+        # by a factor of exp(0.5) = 1.6.
+        apart = Apart(effect_prior, effect_prior / 2)
         evidences = [
             of_law.evidences(apart, count, seed)
             for of_law, seed in zip(by_law, seeds[2::2], strict=True)
@@ -288,12 +286,11 @@ def check_quantities(names: Sequence[str], kinds: Sequence[HierarchicalClass]) -
     if not names or len(set(names)) < len(names):
         raise ValueError(f"quantity must be one or several different names; got {list(names)}")
     for kind in kinds:
-        available = known_quantities(kind)
         for name in names:
-            if name not in available and unit_of(name, kind) is None:
+            if unit_of(name, kind) is None:
                 raise ValueError(
                     f"no quantity is called {name!r}; {labels_of([kind])[0]} has the quantities "
-                    f"{available} and the logarithm of each, such as 'log compliance'"
+                    f"{known_quantities(kind)} and the logarithm of each, such as 'log compliance'"
                 )
 
 

@@ -16,19 +16,14 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import inflation_data_of
-from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import names_of_specimens
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 # Values by group and specimen.
 OfSpecimens = dict[str, dict[str, Any]]
-# Standard deviation of a covariate, relative to its largest value, up to which the covariate is
-# considered constant: rounding errors are smaller.
-_CONSTANT = 1e-12
-# Singular value of the matrix of groups and covariates, relative to the largest one, up to which
-# columns are considered linearly dependent: rounding errors are smaller.
-_DEPENDENT = 1e-9
 
 
 def pairs_of(tree: xr.DataTree, pair: Any) -> list[tuple[Hashable, str, str]]:
@@ -91,7 +86,7 @@ class Covariates:
         self.middle, self.scale = table.mean(axis=0), table.std(axis=0)
         largest = np.abs(table).max(axis=0, initial=0.0)
         for name, sd, size in zip(self.names, self.scale, largest, strict=True):
-            if not sd > _CONSTANT * size:
+            if not sd > ROUNDING * size:
                 raise ValueError(f"covariate {name!r} is the same for all specimens")
         standard = (table - self.middle) / self.scale
         self._rows = dict(zip(places, standard, strict=True))
@@ -105,7 +100,7 @@ class Covariates:
         """Warn if groups and covariates are collinear."""
         indicators = np.eye(max(group) + 1)[group]
         both = np.concatenate([indicators, table], axis=1)
-        if np.linalg.matrix_rank(both, rtol=_DEPENDENT) < both.shape[1]:
+        if np.linalg.matrix_rank(both, rtol=ROUNDING) < both.shape[1]:
             warn_user(
                 f"the groups and the covariates {self.names} are collinear: their separate effects "
                 "are determined by the priors only"
@@ -163,14 +158,10 @@ def _as_numbers(name: str, values: OfSpecimens) -> dict[str, OfSpecimens]:
             )
         if pd.isna(value) or str(value).strip() in ("", "nan"):
             raise ValueError(f"{where} is missing: leave the specimen out, or state it")
+        if isinstance(value, (Real, np.bool_)) and np.isinf(float(value)):
+            raise ValueError(f"{where} is {value!r}; expected a finite number")
     numeric = [isinstance(v, (Real, np.bool_)) for _, _, v in flat]
     if all(numeric):
-        for group, specimen, value in flat:
-            if np.isinf(float(value)):
-                raise ValueError(
-                    f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}; "
-                    "expected a finite number"
-                )
         return {name: values}
     if any(numeric):
         raise ValueError(f"covariate {name!r} is a number for some specimens but not for others")

@@ -1,23 +1,21 @@
 """Cross-validation of classes: classify specimens by classes that were fitted without them."""
 
 import json
-import warnings
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws, error_of_mean, labels_of
 from pymc_hyperelastic.classes.classification import is_unreliable, tabulate
 from pymc_hyperelastic.classes.fit import check_groups, manifest_of
-from pymc_hyperelastic.classes.interface import ClassKind, Fold, Groups
+from pymc_hyperelastic.classes.interface import FEWEST_DRAWS, ClassKind, Fold, Groups
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_data
@@ -27,12 +25,10 @@ from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, see
 from pymc_hyperelastic.evidence.verdicts import BAD, worst_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.parallel import one_thread
-
-Array = NDArray[np.float64]
 
 
 @one_thread
@@ -125,7 +121,7 @@ def cross_validate(
     5
     """
     energies = _walls(energy)
-    check_count("draws", draws, 100)
+    check_count("draws", draws, FEWEST_DRAWS)
     check_groups(groups)
     for data in groups.values():
         check_data(data)
@@ -153,16 +149,23 @@ def cross_validate(
             draws=draws,
         ),
     )
-    folds = [
-        _folds(kind, groups, of_law, draws, named(f"law-{i}", remember))
-        for i, (kind, of_law) in enumerate(zip(kinds, seed.spawn(len(kinds)), strict=True))
-    ]
+    folds = {
+        label: _folds(kind, groups, of_law, draws, named(f"law-{i}", remember))
+        for i, (label, kind, of_law) in enumerate(
+            zip(labels_of(kinds), kinds, seed.spawn(len(kinds)), strict=True)
+        )
+    }
     found = _leave_out_each(folds, list(groups), units, progressbar)
-    result = _tabulate(found, labels_of(kinds), list(groups), true_class, units)
-    if not kinds[0].has_p_value:
-        result = result.drop_vars("p_value")
-    result.attrs = {"variability": kinds[0].stored_as, "random_seed": json.dumps(seed.entropy)}
-    return _with_scores(result)
+    if len(folds) > 1:
+        found = _with_average(found)
+    unused = ["training_evidence", "training_evidence_se"]
+    result = _with_scores(
+        found.drop_vars(unused if kinds[0].has_p_value else [*unused, "p_value"]).assign_coords(
+            true_class=("specimen", list(true_class.values())),
+            left_out=("specimen", [str(unit) for unit in units.values()]),
+        )
+    )
+    return result.assign_attrs(variability=kinds[0].stored_as, random_seed=json.dumps(seed.entropy))
 
 
 def _walls(energy: Any) -> list[Any]:
@@ -217,61 +220,56 @@ def _check_left(
     """Raise ValueError if a group consists of specimens that are left out together."""
     for unit in dict.fromkeys(units.values()):
         for name in groups:
-            left = [s for s, c in true_class.items() if c == name and units[s] != unit]
-            if not left:
+            if all(units[s] == unit for s, of in true_class.items() if of == name):
                 raise ValueError(
                     f"group {name!r} has no specimen left without {unit!r}: a class needs at least "
                     "one specimen that is not left out"
                 )
 
 
-class _Results(NamedTuple):
-    """Predictions of left-out specimens, shape (law, specimen, class); NaN if not yet computed."""
-
-    log_evidence: Array
-    log_evidence_se: Array
-    p_value: Array
-    training: Array
-    """Log evidence of all other specimens and its standard error, shape (law, specimen, 2)."""
-    verdict: NDArray[np.str_]
-    """Reliability of the training evidence and of the prediction, shape (law, specimen)."""
-
-
-# Function of the number of a fold and of the specimens that it leaves out; its dataset holds the
-# fields of ``_Results`` for these specimens.
+# Function of the number of a fold and of the specimens that it leaves out. Its dataset holds, for
+# these specimens, the variables of ``_leave_out_each``.
 Folds = Callable[[int, Collection[str]], xr.Dataset]
 
 
 def _leave_out_each(
-    folds: Sequence[Folds], names: Sequence[str], units: Mapping[str, Hashable], progressbar: bool
-) -> _Results:
-    """Fit without each unit in turn, for each strain energy, and classify its specimens."""
-    specimens, every_unit = list(units), list(dict.fromkeys(units.values()))
-    shape = len(folds), len(specimens), len(names)
-    found = _Results(
-        np.full(shape, np.nan),
-        np.full(shape, np.nan),
-        np.full(shape, np.nan),
-        np.full((*shape[:2], 2), np.nan),
-        np.full(shape[:2], "", dtype="U20"),
+    folds: Mapping[str, Folds],
+    names: Sequence[str],
+    units: Mapping[str, Hashable],
+    progressbar: bool,
+) -> xr.Dataset:
+    """Fit without each unit in turn, for each strain energy, and classify its specimens.
+
+    Returns
+    -------
+    xarray.Dataset
+        Predictions (strain_energy, specimen, class_label), and for (strain_energy, specimen) the
+        log evidence of all other specimens, and the ``verdict`` on it and on the predictions. NaN,
+        and an empty verdict, for specimens that are not yet computed.
+    """
+    every_unit = list(dict.fromkeys(units.values()))
+    coords = {"strain_energy": list(folds), "specimen": list(units), "class_label": list(names)}
+    table = xr.DataArray(np.nan, coords, list(coords))
+    of_fit = table.isel(class_label=0, drop=True)
+    found = xr.Dataset(
+        {name: table.copy() for name in ("log_evidence", "log_evidence_se", "p_value")}
+        | {name: of_fit.copy() for name in ("training_evidence", "training_evidence_se")}
+        | {"verdict": xr.full_like(of_fit, "", "U20")}
     )
-    progress = create_simple_progress(progressbar)
-    with progress:
+    with (progress := create_simple_progress(progressbar)):
         total = len(folds) * (1 + len(every_unit))
         bar = progress.add_task("Leaving out", completed=0, total=total)
         try:
-            for i, fold in enumerate(folds):
+            for law, fold in folds.items():
                 progress.advance(bar)
                 for number, unit in enumerate(every_unit):
-                    held = fold(number, [s for s in specimens if units[s] == unit])
-                    place = i, [specimens.index(s) for s in held["specimen"].values.tolist()]
-                    for name, values in found._asdict().items():
-                        values[place] = held[name].values
+                    held = fold(number, [s for s in units if units[s] == unit])
+                    place = {"strain_energy": law, "specimen": held["specimen"].values}
+                    for name, values in held.items():
+                        found[name].loc[place] = values.values
                     progress.advance(bar)
         except KeyboardInterrupt:
-            warnings.warn(
-                "interrupted: specimens not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
-            )
+            warn_user("interrupted: specimens not yet classified are NaN")
     return found
 
 
@@ -292,7 +290,8 @@ def _folds(
         return xr.Dataset(
             {
                 **table[["log_evidence", "log_evidence_se", "p_value"]],
-                "training": ("of_two", np.array(training)),
+                "training_evidence": training.value,
+                "training_evidence_se": training.standard_error,
                 "verdict": ("specimen", np.where(is_unreliable(table, prior), BAD, verdict)),
             },
             {"specimen": [*predictions]},
@@ -301,62 +300,40 @@ def _folds(
     return lambda number, left_out: remember(f"fold-{number}", lambda: compute(left_out))
 
 
-def _tabulate(
-    found: _Results,
-    labels: list[str],
-    names: list[str],
-    true_class: Mapping[str, str],
-    units: Mapping[str, Hashable],
-) -> xr.Dataset:
-    """Return tables by law, specimen and class; with several laws also their average."""
-    value, error, p_value, training, verdict = found
-    specimens = list(true_class)
-    extra = {}
-    if len(labels) > 1:
-        of_specimen = [
-            Laws(labels, [], [Estimate(*law) for law in of_laws.tolist()])
-            for of_laws in np.moveaxis(training, 1, 0)
-        ]
-        log_laws = np.stack([laws.log_probability for laws in of_specimen], axis=1)
-        averaged, laws = logsumexp(value + log_laws[..., None], axis=0), np.exp(log_laws)
-        shares = np.exp(value + log_laws[..., None] - averaged)
-        error = np.concatenate([error, error_of_mean(shares, error)[None]])
-        value = np.concatenate([value, averaged[None]])
-        p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
-        errors = np.stack([laws.probability_error for laws in of_specimen], axis=1)
-        for name, of_laws in (("", laws), ("_se", errors)):
-            extra[f"strain_energy_probability{name}"] = (
-                ("strain_energy", "specimen"),
-                np.concatenate([of_laws, np.full((1, len(specimens)), np.nan)]),
-            )
-        labels = [*labels, "average"]
-        verdict = np.concatenate([verdict, [[worst_of(v) for v in verdict.T]]])
-    dims = ("strain_energy", "specimen", "class_label")
-    return xr.Dataset(
-        {
-            "class_probability": (dims, softmax(value, axis=2)),
-            "log_evidence": (dims, value),
-            "log_evidence_se": (dims, error),
-            "p_value": (dims, p_value),
-            "verdict": (dims[:2], verdict),
-            **extra,
-        },
-        {
-            "strain_energy": labels,
-            "specimen": specimens,
-            "class_label": names,
-            "true_class": ("specimen", [true_class[s] for s in specimens]),
-            "left_out": ("specimen", [str(units[s]) for s in specimens]),
-        },
+def _with_average(found: xr.Dataset) -> xr.Dataset:
+    """Add probabilities of the strain energies, and averages weighted with them as a last entry."""
+    labels, dims = found["strain_energy"].values.tolist(), ("strain_energy", "specimen")
+    training = np.stack([found["training_evidence"], found["training_evidence_se"]], axis=-1)
+    of_specimens = [
+        Laws(labels, [], [Estimate(*law) for law in of_laws.tolist()])
+        for of_laws in np.moveaxis(training, 1, 0)
+    ]
+    log_weight = xr.DataArray(np.transpose([o.log_probability for o in of_specimens]), dims=dims)
+    error = np.transpose([of_specimen.probability_error for of_specimen in of_specimens])
+    found = found.assign(
+        strain_energy_probability=np.exp(log_weight), strain_energy_probability_se=(dims, error)
     )
+    terms = found["log_evidence"] + log_weight
+    value = terms.reduce(logsumexp, "strain_energy")
+    errors = error_of_mean(np.exp(terms - value).values, found["log_evidence_se"].values)
+    p_value = (np.exp(log_weight) * found["p_value"]).sum("strain_energy", skipna=False)
+    average = xr.full_like(found.isel(strain_energy=0), np.nan).assign(
+        log_evidence=value,
+        log_evidence_se=(value.dims, errors),
+        p_value=p_value,
+        verdict=("specimen", [worst_of(verdicts) for verdicts in found["verdict"].values.T]),
+    )
+    return xr.concat([found, average.assign_coords(strain_energy="average")], "strain_energy")
 
 
 def _with_scores(result: xr.Dataset) -> xr.Dataset:
-    """Return the result with the log score and Brier score of each specimen."""
-    probability = result["class_probability"]
+    """Return the result with the class probabilities, and the scores of each specimen."""
+    log_evidence = result["log_evidence"]
+    probability = log_evidence.copy(data=softmax(log_evidence, axis=-1))
     computed = probability.notnull().all("class_label")
     of_truth = xr.where(computed, probability.sel(class_label=result["true_class"]), np.nan)
     truth = (result["class_label"] == result["true_class"]).astype(float)
+    result = xr.Dataset({"class_probability": probability}).assign(result)
     with np.errstate(divide="ignore"):
         result["log_score"] = np.log(of_truth).drop_vars("class_label")
     result["brier_score"] = ((probability - truth) ** 2).sum("class_label", skipna=False)

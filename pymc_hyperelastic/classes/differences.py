@@ -5,7 +5,6 @@ Called by :func:`~pymc_hyperelastic.compare_classes`.
 
 import warnings
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 import xarray as xr
@@ -14,78 +13,55 @@ from scipy import stats
 
 from pymc_hyperelastic.classes.groups import GroupDraws, Groups
 from pymc_hyperelastic.classes.quantities import is_logarithm, values_of
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import density_of_each
 from pymc_hyperelastic.predictions.conditions import Conditions
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 
 STATISTICS = ["typical", "mean", "spread"]
 # Number of grid points for the overlap of two kernel density estimates.
 _GRID_POINTS = 128
-# Distance from the outermost specimens to the ends of the grid, in bandwidths: a normal kernel is
-# negligible there.
-_GRID_MARGIN = 4.0
-# Smallest standard deviation of specimens relative to their mean: for equal values the kernel
-# density estimate would have no width.
-_SMALLEST_SPREAD = 1e-9
 
 
 def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], at: Conditions) -> xr.Dataset:
     """Return statistics and overlaps of the groups for each draw of their distributions."""
-    groups, kind = of_law.groups, of_law.kind
-    values = np.stack(
-        [np.stack([*values_of(kind, found.coordinates[g], names, at).values()]) for g in groups]
-    )  # (group, quantity, pressure, draw, specimen)
-    typical, others = values[..., 0], values[..., 1:]
+    groups, kind, pairs = of_law.groups, of_law.kind, of_law.comparisons
+    values = xr.DataArray(
+        [[*values_of(kind, found.coordinates[g], names, at).values()] for g in groups],
+        {"group": groups, "quantity": list(names), "pressure": at.pressures},
+        ("group", "quantity", "pressure", "draw", "member"),
+    )
+    typical, others = values.isel(member=0), values.isel(member=slice(1, None))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
-        statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
-    places = list(combinations(range(len(groups)), 2))
-    of_comparison = "comparison", "quantity", "pressure", "draw"
+        statistics = [typical, others.mean("member"), others.std("member")]
+    overlaps = [
+        [_overlap(of) for of in others.sel(group=[*pair]).values.swapaxes(0, 1)] for pair in pairs
+    ]
+    of_specimens = [_overlap_of_specimens(found, *pair) for pair in pairs]
     result = xr.Dataset(
         {
-            "draws": (("statistic", "group", "quantity", "pressure", "draw"), np.stack(statistics)),
-            "lacking": (
-                ("group", "quantity", "pressure", "draw"),
-                np.isnan(others).mean(axis=-1),
-            ),
-            "overlap": (
-                of_comparison,
-                np.stack([[_overlap(of) for of in others[[*p]].swapaxes(0, 1)] for p in places]),
-            ),
-            "overlap_of_specimens": (
-                ("comparison", "draw"),
-                np.stack(
-                    [
-                        _overlap_of_specimens(
-                            [found.coordinates[groups[k]] for k in p],
-                            [found.distributions[groups[k]] for k in p],
-                        )
-                        for p in places
-                    ]
-                ),
-            ),
+            "draws": xr.concat(statistics, "statistic").assign_coords(statistic=STATISTICS),
+            "lacking": others.isnull().mean("member"),
+            "overlap": (("comparison", "quantity", "pressure", "draw"), overlaps),
+            "overlap_of_specimens": (("comparison", "draw"), of_specimens),
         },
         {
-            "statistic": STATISTICS,
-            "group": groups,
-            "quantity": list(names),
-            "pressure": at.pressures,
             "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
-            "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
-            "first": ("comparison", [a for a, _ in of_law.comparisons]),
-            "second": ("comparison", [b for _, b in of_law.comparisons]),
+            "comparison": [f"{b} − {a}" for a, b in pairs],
+            "first": ("comparison", [a for a, _ in pairs]),
+            "second": ("comparison", [b for _, b in pairs]),
         },
     )
     if of_law.pairs:
-        change = xr.DataArray(others[1] - others[0], dims=(*of_comparison[1:], "animal"))
+        change = others.isel(group=1, drop=True) - others.isel(group=0, drop=True)
         rising = (change > 0).where(change.notnull())
-        for name, value in {
-            "spread_of_change": change.std("animal"),
-            "share_rising": rising.mean("animal"),
-        }.items():
-            result[name] = of_comparison, value.values[None]
+        of_change = {
+            "spread_of_change": change.std("member"),
+            "share_rising": rising.mean("member"),
+        }
+        result = result.assign({n: v.expand_dims("comparison") for n, v in of_change.items()})
     return result.assign(_of_specimens(of_law, found, names, at))
 
 
@@ -122,10 +98,12 @@ def _overlap(both: Array) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack the quantity
         mean, sd = (f(both, axis=-1, keepdims=True) for f in (np.nanmean, np.nanstd))
-        sd = np.maximum(sd, _SMALLEST_SPREAD * np.abs(mean))
+        # Equal values also need a kernel density estimate of some width.
+        sd = np.maximum(sd, ROUNDING * np.abs(mean))
         x, width = mean + (both - mean) / np.hypot(1, width), width * sd / np.hypot(1, width)
-        low = np.nanmin(x - _GRID_MARGIN * width, axis=(0, -1))
-        high = np.nanmax(x + _GRID_MARGIN * width, axis=(0, -1))
+        # A normal kernel is negligible at a distance of four bandwidths.
+        low = np.nanmin(x - 4 * width, axis=(0, -1))
+        high = np.nanmax(x + 4 * width, axis=(0, -1))
         grid = np.linspace(low, high, _GRID_POINTS)
         density = [
             np.nansum(stats.norm.pdf(grid[..., None], x[k], width[k]), axis=-1) / count
@@ -138,19 +116,17 @@ def _overlap(both: Array) -> Array:
     return shared + lacking.min(axis=0)
 
 
-def _overlap_of_specimens(
-    coordinates: Sequence[Array], distributions: Sequence[ClassDistribution]
-) -> Array:
-    """Return the overlap of the densities ``f`` and ``g`` of all coordinates, for each draw.
+def _overlap_of_specimens(draws: GroupDraws, first: str, second: str) -> Array:
+    """Return the overlap of the densities ``f`` and ``g`` of two groups, for each draw.
 
     The estimate is the mean of ``min(1, g/f)`` over specimens of ``f``, averaged with the mean of
     ``min(1, f/g)`` over specimens of ``g``.
     """
     found = []
-    for own, other in ((0, 1), (1, 0)):
-        x = coordinates[own][..., 1:]
-        ratio = density_of_each(x, distributions[other]) - density_of_each(x, distributions[own])
-        found.append(np.exp(np.minimum(ratio, 0.0)).mean(axis=-1))
+    for own, other in ((first, second), (second, first)):
+        x = draws.coordinates[own][..., 1:]
+        f, g = (density_of_each(x, draws.distributions[group]) for group in (own, other))
+        found.append(np.exp(np.minimum(g - f, 0.0)).mean(axis=-1))
     return np.mean(found, axis=0)
 
 

@@ -101,8 +101,6 @@ def explain_classification(
         by=by,
         class_prior=class_prior,
         average_over=average_over,
-        undecided_below=0.0,
-        none_below=0.0,
         random_seed=random_seed,
     )
     if len(classification.names) < 2:

@@ -1,7 +1,6 @@
 """Fit classes of inflation experiments: the public function ``fit_classes``."""
 
 import json
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -19,7 +18,7 @@ from pymc_hyperelastic.evidence.keeping import remembering, seed_kept
 from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.variability import Variability
 from pymc_hyperelastic.parallel import one_thread
@@ -168,7 +167,7 @@ def fit_classes(
         if not tree.children:
             raise ValueError(message) from failed[name]
         # Keep the classes that were fitted.
-        warnings.warn(message, skip_file_prefixes=(PACKAGE,))
+        warn_user(message)
     warn_of_copies({name: groups[name] for name in tree.children})
     tree.attrs |= kind.settings().attrs() | {"random_seed": json.dumps(seed.entropy)}
     if missing:
@@ -183,8 +182,7 @@ def manifest_of(
 
     `work` is the name of the function, and `settings` are all that change its numbers.
     """
-    seed_and_data = {"random_seed": seed.entropy, "data": digests_of(groups)}
-    return {"work": work} | settings | seed_and_data
+    return {"work": work, **settings, "random_seed": seed.entropy, "data": digests_of(groups)}
 
 
 def check_groups(groups: Any) -> None:

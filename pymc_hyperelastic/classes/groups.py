@@ -13,19 +13,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.covariates import Covariates, pairs_of
-from pymc_hyperelastic.classes.distribution import ClassModel
+from pymc_hyperelastic.classes.distribution import ClassModel, Distributions, Units
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.joint import (
-    Apart,
-    Joint,
-    Unit,
-    draws_given,
-    unit_of_pair,
-    unit_of_specimen,
-)
+from pymc_hyperelastic.classes.joint import Apart, Joint, draws_given, unit_of_pair
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import standard_specimens
 from pymc_hyperelastic.classes.sensitivity import log_prior_and_likelihood
+from pymc_hyperelastic.classes.specimen_evidence import Unit, unit_of_specimen
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
@@ -36,9 +30,6 @@ Array = NDArray[np.float64]
 # Weakly informative prior of differences between groups, for estimates: three spreads between
 # specimens is more than groups usually differ.
 _WEAK_PRIOR = Apart(location=3.0, log_spread=1.0)
-# Number of draws of each specimen with which the log likelihood of a class is computed for prior
-# and likelihood sensitivities, which need no high accuracy.
-_SENSITIVITY_DRAWS = 512
 
 
 class GroupDraws(NamedTuple):
@@ -87,30 +78,28 @@ class Groups:
         """Return `count` posterior draws of all groups, with `specimens` specimens per draw."""
         size = len(self.kind.scale.names)
         if self.pairs:
-            joint, units = self._joint(["pairs"], _WEAK_PRIOR), {"pairs": self._paired_units()}
-            fitted = joint.fit(units, count, 1, seed)
-            middle, change = joint.distributions(fitted, count)["pairs"]
-            powers = log_prior_and_likelihood(
-                joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
-            )
-            standard = standard_specimens(2 * size, specimens)
-            animals = [*units["pairs"].values()]
-            return _of_pairs(self.groups, middle, change, standard, powers, animals)
-        standard, units = standard_specimens(size, specimens), self._units(self.groups)
+            animals = {"pairs": self._paired_units()}
+            of_parts, powers = self._fitted_jointly(animals, count, seed)
+            middle, change = of_parts["pairs"]
+            standard, units = standard_specimens(2 * size, specimens), [*animals["pairs"].values()]
+            return _of_pairs(self.groups, middle, change, standard, powers, units)
+        standard, units_of_groups = standard_specimens(size, specimens), self._units(self.groups)
         if self.covariates.names:
-            joint = self._joint(self.groups, _WEAK_PRIOR)
-            fitted = joint.fit(units, count, 1, seed)
-            powers = log_prior_and_likelihood(
-                joint.kernel(units, _SENSITIVITY_DRAWS), fitted, count
-            )
-            distributions = {g: d for g, (d,) in joint.distributions(fitted, count).items()}
+            of_parts, powers = self._fitted_jointly(units_of_groups, count, seed)
+            distributions = {group: own for group, (own,) in of_parts.items()}
             effects = np.array(next(iter(distributions.values())).effects)[..., 0]
         else:
             distributions = {g: distributions_of(self.tree[g], count) for g in self.groups}
-            effects = None
-            powers = np.sum([self._powers(group, count) for group in self.groups], axis=0)
+            effects, model = None, ClassModel(self.kind)
+            powers = np.sum(
+                [
+                    log_prior_and_likelihood(model.kernel({"class": own}, 1), self.tree[g], count)
+                    for g, own in units_of_groups.items()
+                ],
+                axis=0,
+            )
         measured = {
-            g: np.stack([draws_given(unit, [d])[0] for unit in units[g].values()], axis=-1)
+            g: np.stack([draws_given(u, [d])[0] for u in units_of_groups[g].values()], axis=-1)
             for g, d in distributions.items()
         }
         distributions = {g: d.without_effects() for g, d in distributions.items()}
@@ -124,13 +113,14 @@ class Groups:
             return dict(zip(self.groups, map(list, by_group), strict=True))
         return {group: names_of_specimens(self.tree[group]) for group in self.groups}
 
-    def _powers(self, group: str, count: int) -> Array:
-        """Return log prior and log likelihood at draws of one group's distribution."""
-        fitted = self.tree[group]
-        draws = {
-            n: self._draws(group, n).first(_SENSITIVITY_DRAWS) for n in names_of_specimens(fitted)
-        }
-        return log_prior_and_likelihood(ClassModel(self.kind).kernel(draws, 1), fitted, count)
+    def _fitted_jointly(
+        self, units: Units, count: int, seed: np.random.SeedSequence
+    ) -> tuple[Distributions, Array]:
+        """Return joint posterior draws of all distributions, with log prior and log likelihood."""
+        joint = self._joint([*units], _WEAK_PRIOR)
+        fitted = joint.fit(units, count, 1, seed)
+        powers = log_prior_and_likelihood(joint.kernel(units, 1), fitted, count)
+        return joint.distributions(fitted, count), powers
 
     def evidences(
         self, apart: Apart, count: int, seed: np.random.SeedSequence
@@ -140,22 +130,14 @@ class Groups:
         seeds = seed.spawn(len(self.comparisons))
         for pair, seed_of_pair in zip(self.comparisons, seeds, strict=True):
             if self.pairs:
-                units = {"pairs": self._paired_units()}
-                both = [
-                    ({"pairs": units["pairs"]}, self._joint(["pairs"], a)) for a in (apart, None)
-                ]
+                different = same = {"pairs": self._paired_units()}
             else:
-                units = self._units(pair)
-                together = {"all": {f"{g}: {n}": u for g in pair for n, u in units[g].items()}}
-                both = [
-                    (units, self._joint(pair, apart)),
-                    (together, self._joint(["all"], None)),
-                ]
-            different, same = (
-                log_evidence(joint.fit(data, count, 1, seed_of_fit))
-                for (data, joint), seed_of_fit in zip(both, seed_of_pair.spawn(2), strict=True)
-            )
-            found.append((different, same))
+                different = self._units(pair)
+                same = {"all": {f"{g}: {n}": u for g in pair for n, u in different[g].items()}}
+            first, second = seed_of_pair.spawn(2)
+            with_difference = self._joint([*different], apart).fit(different, count, 1, first)
+            without = self._joint([*same], None).fit(same, count, 1, second)
+            found.append((log_evidence(with_difference), log_evidence(without)))
         return found
 
     def _joint(self, groups: Sequence[str], apart: Apart | None) -> Joint:
@@ -199,22 +181,15 @@ def _of_pairs(
     effects = np.array(middle.effects)[..., 0] if len(middle.effects) else None
     of_middle = middle.coordinates(standard[:, :size].T)
     of_change = change.coordinates(standard[:, size:].T)
-    coordinates = {
-        g: of_middle + sign * of_change / 2 for g, sign in zip(groups, (-1, 1), strict=True)
-    }
     both = [draws_given(animal, [middle, change]) for animal in animals]
-    measured = {
-        g: np.stack([mean + sign * difference / 2 for mean, difference in both], axis=-1)
-        for g, sign in zip(groups, (-1, 1), strict=True)
-    }
     middle, change = middle.without_effects(), change.without_effects()
     covariance = middle.covariance() + change.covariance() / 4
-    distributions = {
-        g: middle.with_covariance(
-            covariance, middle.location + sign * np.asarray(change.location) / 2
-        )
-        for g, sign in zip(groups, (-1, 1), strict=True)
-    }
+    coordinates, measured, distributions = {}, {}, {}
+    for group, half in zip(groups, (-0.5, 0.5), strict=True):
+        coordinates[group] = of_middle + half * of_change
+        measured[group] = np.stack([mean + half * whole for mean, whole in both], axis=-1)
+        location = middle.location + half * np.asarray(change.location)
+        distributions[group] = middle.with_covariance(covariance, location)
     return GroupDraws(distributions, coordinates, powers, measured, effects)
 
 

@@ -17,6 +17,7 @@ from pymc.progress_bar import create_simple_progress
 from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
 from pymc_hyperelastic.classes.hierarchical_prediction import SpecimenPredictive
 from pymc_hyperelastic.classes.interface import (
+    FEWEST_DRAWS,
     ClassKind,
     Fitted,
     Fold,
@@ -33,7 +34,8 @@ from pymc_hyperelastic.evidence.keeping import Remember, compute_now, named
 from pymc_hyperelastic.evidence.smc import seed_of
 from pymc_hyperelastic.evidence.stored import reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
-from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
+from pymc_hyperelastic.evidence.verdicts import BAD, GOOD, Check, ModelChecks, registered_checks
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, check_of_residuals
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
     ClassDistribution,
@@ -51,11 +53,6 @@ from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.models.variability import Variability
 
 Array = NDArray[np.float64]
-
-# Fraction of the prior's materials whose curves may be inaccurate, such as materials with fibres
-# that slacken within the wall. It may be large, because the integrator is refined for each specimen
-# whose curves are inaccurate: a refined one takes a tenth of the time of pointwise quadrature.
-_INACCURATE = 0.5
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,12 @@ class HierarchicalClass(Population, ClassKind):
         """Return the sampler of single specimens of these data."""
         # Without an experiment effect all tests of a specimen share its parameters.
         by_test = self.variability.experiment_effect
-        settings = {"tolerance": LARGEST_CURVE_ERROR, "inaccurate": _INACCURATE}
-        forward = self.forward_model(data, by_test=by_test, **settings)
+        # Curves may be inaccurate for half of the prior's materials, such as those with fibres that
+        # slacken within the wall: the integrator is refined for each specimen whose curves are
+        # inaccurate, and a refined one takes a tenth of the time of pointwise quadrature.
+        forward = self.forward_model(
+            data, by_test=by_test, tolerance=LARGEST_CURVE_ERROR, inaccurate=0.5
+        )
         return SpecimenSampler(self, forward, self.reference)
 
     def settings(self) -> ModelSettings:
@@ -146,7 +147,7 @@ class HierarchicalClass(Population, ClassKind):
         Yields the name of each class with its result, or with the error that prevented it. See
         ``ClassKind.fit``.
         """
-        check_count("draws", draws, 100)
+        check_count("draws", draws, FEWEST_DRAWS)
         check_count("chains", chains, 1)
         self.check_groups(groups)
         self.settings()
@@ -236,13 +237,7 @@ class HierarchicalClass(Population, ClassKind):
 
         Returns the material parameters by name, with the draws along the first axis.
         """
-        return self._materials(distributions_of(fitted), rng)
-
-    def _materials(
-        self, distributions: ClassDistribution, rng: np.random.Generator
-    ) -> dict[str, Array]:
-        """Return the material parameters of one new specimen of each distribution."""
-        draws = fresh_specimens(self, distributions, 1, rng)
+        draws = fresh_specimens(self, distributions_of(fitted), 1, rng)
         return self.scale.numbers([draws[name][:, 0] for name in self.scale.names])
 
 
@@ -275,3 +270,31 @@ def sample_specimens(
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error
     return draws
+
+
+def checks_of_specimens(tree: xr.DataTree, evidence: xr.Dataset) -> list[Check]:
+    """Check the residuals of each specimen, and the error that the draws of all specimens cause."""
+    checks = []
+    # Residuals are not compared with a noise that is inferred from them.
+    if "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
+        fits = tree["specimens"].to_dataset()
+        checks.append(check_of_residuals(fits["misfit"], fits["freedom"]))
+    if "specimens_se" in evidence:
+        error = float(evidence["specimens_se"])
+        words = (
+            "the draws of a specimen may be wrong: it was given up, because its sampling did not "
+            "converge or its curves are inaccurate for its material"
+        )
+        verdict = GOOD if error < np.inf else BAD
+        checks.append(Check("specimens", error, np.inf, verdict, words))
+    return checks
+
+
+registered_checks.append(
+    ModelChecks(
+        checks_of_specimens,
+        variables={"specimens_se": ()},
+        together={"specimens_se": "specimens"},
+        with_advice=("specimens",),
+    )
+)

@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.classes.distribution import DISTRIBUTIONS
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.specimen_evidence import (
+    DISTRIBUTIONS,
     hybrid_evidences,
     parts_of,
     specimen_evidence,
@@ -33,22 +33,6 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
 Array = NDArray[np.float64]
 
-# Misfit, and degrees of freedom, of a class whose file stores neither: their ratio is 1, without
-# an error, as if the residuals were exactly as large as the noise.
-_DEFAULT_MISFIT = xr.DataArray([1e9])
-
-
-def _misfits_of(fitted: xr.DataTree) -> tuple[Array, Array]:
-    """Return the sum of squares of each specimen of a class, and its degrees of freedom."""
-    stored = fitted.children.get("specimens", {})
-    misfit, freedom = (
-        read_numbers(fitted, "specimens", name, ("specimen",), finite=False)
-        if name in stored
-        else _DEFAULT_MISFIT
-        for name in ("misfit", "freedom")
-    )
-    return misfit.values, freedom.values
-
 
 class SpecimenPredictive:
     """Evidence and p-values of new specimens under fitted classes.
@@ -68,8 +52,14 @@ class SpecimenPredictive:
     ) -> None:
         self._population, self._sampler = population, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
-        # Older files do not store the misfit of the class's specimens.
-        self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
+        # The sum of squares of each specimen of a class, and its degrees of freedom.
+        self._misfits = {
+            name: [
+                read_numbers(tree, "specimens", variable, ("specimen",), finite=False).values
+                for variable in ("misfit", "freedom")
+            ]
+            for name, tree in classes.items()
+        }
 
     def __call__(
         self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None
@@ -92,14 +82,11 @@ class SpecimenPredictive:
                 if again.pareto_k < evidence.pareto_k:
                     # No other class shares these draws, and so none shares their error.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
+            p_value, p_typical, p_fit = self._p_values(draws, name, rng)
+            hybrids = partial(self._hybrids, samples, predictions, number)
             predictions.append(
-                Prediction(
-                    evidence.log_evidence,
-                    evidence.own_error,
-                    evidence.method,
-                    evidence.pareto_k,
-                    *self._p_values(draws, name, rng),
-                    partial(self._hybrids, samples, predictions, number),
+                evidence._replace(
+                    p_value=p_value, p_typical=p_typical, p_fit=p_fit, hybrids=hybrids
                 )
             )
         return predictions

@@ -4,7 +4,7 @@
 Bayes factors.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,19 +13,17 @@ import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.compile.sharedvalue import SharedVariable
 from scipy import linalg
 
 from pymc_hyperelastic.classes.distribution import (
-    DISTRIBUTIONS,
-    DRAW_COUNTS,
+    ClassModel,
+    Distributions,
+    Units,
     fit_enough,
-    shared_draws,
 )
-from pymc_hyperelastic.classes.specimen_evidence import variance_of_shares
-from pymc_hyperelastic.evidence.batched import without_traces
+from pymc_hyperelastic.classes.interface import SEED
+from pymc_hyperelastic.classes.specimen_evidence import Unit
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
-from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.models.class_distribution import (
     ClassDistribution,
     correlation_factor,
@@ -33,17 +31,9 @@ from pymc_hyperelastic.models.class_distribution import (
     factor_of,
     some_of_posterior,
 )
-from pymc_hyperelastic.models.population import Population
-from pymc_hyperelastic.models.specimen_draws import (
-    SpecimenDraws,
-    log_densities,
-    log_density,
-)
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
 Array = NDArray[np.float64]
-
-# Seed of the choice of a specimen's draws: fixed, so that every call returns the same draws.
-_SEED = 1
 
 
 class Apart(NamedTuple):
@@ -55,29 +45,6 @@ class Apart(NamedTuple):
     """Prior standard deviation of the difference of the logarithms of spreads."""
 
 
-class Unit(NamedTuple):
-    """Weighted draws of one specimen, or of the mean and the change of a pair of specimens."""
-
-    parts: tuple[SpecimenDraws, ...]
-    """Draws of the specimen, or of the mean and of the change of a pair."""
-    log_weight: Array
-    """Logarithms of the importance weights, shape (draw)."""
-    standard_error: float
-    """Standard error of the logarithm of the sum of the weights."""
-
-    def first(self, count: int) -> "Unit":
-        """Return the first `count` draws, with weights scaled to represent all draws."""
-        correction = np.log(len(self.log_weight) / count)
-        parts = tuple(part.first(count) for part in self.parts)
-        return Unit(parts, self.log_weight[:count] + correction, self.standard_error)
-
-
-def unit_of_specimen(draws: SpecimenDraws, covariates: Array) -> Unit:
-    """Return the draws of a specimen, with its covariates, as a unit."""
-    part = replace(draws, covariates=covariates)
-    return Unit((part,), draws.log_weight, draws.standard_error)
-
-
 def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array) -> Unit:
     """Return draws of the mean of two specimens of an animal, and of the change between them.
 
@@ -86,18 +53,12 @@ def unit_of_pair(first: SpecimenDraws, second: SpecimenDraws, covariates: Array)
     """
     count = min(len(first.log_weight), len(second.log_weight))
     first, second = first.first(count), second.first(count)
-    middle = replace(
-        first,
-        centre=(first.centre + second.centre) / 2,
-        covariates=covariates.mean(axis=0),
-    )
-    change = replace(
-        second, centre=second.centre - first.centre, covariates=covariates[1] - covariates[0]
-    )
+    mean, difference = (first.centre + second.centre) / 2, second.centre - first.centre
+    middle = replace(first, centre=mean, covariates=covariates.mean(axis=0))
+    change = replace(second, centre=difference, covariates=covariates[1] - covariates[0])
     log_weight = first.log_weight + second.log_weight + np.log(count)
-    return Unit(
-        (middle, change), log_weight, float(np.hypot(first.standard_error, second.standard_error))
-    )
+    error = float(np.hypot(first.standard_error, second.standard_error))
+    return Unit((middle, change), log_weight, error)
 
 
 def draws_given(
@@ -111,17 +72,16 @@ def draws_given(
 
     With an experiment effect, the coordinates of a specimen are the means over its tests.
     """
-    pairs = zip(unit.parts, distributions, strict=True)
-    log_weight = unit.log_weight + sum(log_densities(part, of_part) for part, of_part in pairs)
+    log_weight = unit.log_terms(distributions)
     log_weight = np.broadcast_to(log_weight, (max(count, len(log_weight)), log_weight.shape[1]))
     # Gumbel-max trick: the argmax of log weights plus Gumbel noise is a categorical draw.
-    noise = np.random.default_rng(_SEED).gumbel(size=log_weight.shape)
+    noise = np.random.default_rng(SEED).gumbel(size=log_weight.shape)
     chosen = (log_weight + noise).argmax(axis=1)
     return tuple(part.centre[:, chosen] for part in unit.parts)
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(ClassModel):
     r"""Model of the distributions of several groups.
 
     With a location ``m``, spreads ``s`` and a correlation matrix common to all groups, group ``g``
@@ -139,8 +99,6 @@ class Joint:
 
     Attributes
     ----------
-    population : Population
-        Settings of the classes.
     groups : sequence of str
         Names of the groups; a single name if all specimens have one distribution.
     apart : Apart or None
@@ -151,52 +109,23 @@ class Joint:
         If True, each unit is a pair of specimens of one animal.
     """
 
-    population: Population
     groups: Sequence[str]
     apart: Apart | None
     covariates: Sequence[str] = ()
     paired: bool = False
 
     def fit(
-        self,
-        units: Mapping[str, Mapping[str, Unit]],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
+        self, units: Units, draws: int, chains: int, seed: np.random.SeedSequence
     ) -> xr.DataTree:
         """Return posterior and evidence for units, given by names of groups and of units."""
-        model, first = _JointModel(self), (_flat(units), int(DRAW_COUNTS[0]), None)
-        return with_diagnosis(fit_enough(model, first, draws, chains, seed))
-
-    def kernel(self, units: Mapping[str, Mapping[str, Unit]], count: int) -> BatchedSMC:
-        """Return a kernel whose log densities use `count` draws of each unit."""
-        draws = {key: unit.first(count) for key, unit in _flat(units).items()}
-        return _JointModel(self).kernel(draws, 1)
+        return with_diagnosis(fit_enough(self, units, draws, chains, seed))
 
     @property
     def contrasts(self) -> Array:
         """Coefficients ``c`` of the differences, shape (group, contrast)."""
-        if self.apart is None or self.paired:
-            return np.zeros((len(self.groups), 0))
         return linalg.helmert(len(self.groups)).T / np.sqrt(2)
 
-    @without_traces
-    def model(self, shared: Mapping[str, Sequence[Mapping[str, SharedVariable]]]) -> pm.Model:
-        """Return the PyMC model of the distributions, with units integrated out by their draws."""
-        names = self.population.scale.names
-        with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
-            of_groups = self._register()
-            for group, parts in shared.items():
-                terms = parts[0]["log_weight"]
-                for inputs, distribution in zip(parts, of_groups[group], strict=True):
-                    draws = dict(inputs) | {
-                        "tests": pt.specify_broadcastable(inputs["tests"], 1),
-                    }
-                    terms = terms + log_density(pt, draws, distribution)
-                pm.Potential(f"units_{group}", pt.sum(pt.logsumexp(terms, axis=-1)))
-        return model
-
-    def _register(self) -> dict[str, tuple[ClassDistribution, ...]]:
+    def register(self) -> Distributions:
         """Register the model's variables; return the distributions of the parts, by group."""
         size, count = len(self.population.scale.names), len(self.covariates)
         common = self.population.register_class()
@@ -215,20 +144,17 @@ class Joint:
                 factor=correlation_factor(size, "change_"),
             )
             return {"pairs": (common, change)}
-        contrasts = self.contrasts
         if self.apart is None:
             return {group: (common,) for group in self.groups}
-        shape = contrasts.shape[1], size
+        shape = len(self.groups) - 1, size
         difference = pm.Normal("difference", 0, self.apart.location, shape=shape)
         spread_difference = pm.Normal("spread_difference", 0, self.apart.log_spread, shape=shape)
         return {
             group: (_shifted(common, row @ difference, pt.exp(row @ spread_difference)),)
-            for group, row in zip(self.groups, contrasts, strict=True)
+            for group, row in zip(self.groups, self.contrasts, strict=True)
         }
 
-    def distributions(
-        self, tree: xr.DataTree, count: int
-    ) -> dict[str, tuple[ClassDistribution, ...]]:
+    def distributions(self, tree: xr.DataTree, count: int) -> Distributions:
         """Return at most `count` posterior draws of the distributions of the parts, by group."""
         posterior, common = some_of_posterior(tree, count), distributions_of(tree, count)
         location, spread = np.asarray(common.location), np.asarray(common.spread)
@@ -251,12 +177,11 @@ class Joint:
                 factor=factor_of(posterior, "change_correlation"),
             )
             return {"pairs": (common, change)}
-        contrasts = self.contrasts
-        if not contrasts.shape[1]:
+        if self.apart is None:
             return {group: (common,) for group in self.groups}
         of_contrasts = columns("difference"), columns("spread_difference")
-        found: dict[str, tuple[ClassDistribution, ...]] = {}
-        for group, row in zip(self.groups, contrasts, strict=True):
+        found: Distributions = {}
+        for group, row in zip(self.groups, self.contrasts, strict=True):
             shift, log_factor = (np.einsum("k,kcsi->csi", row, values) for values in of_contrasts)
             found[group] = (_shifted(common, shift, np.exp(log_factor)),)
         return found
@@ -267,52 +192,3 @@ def _shifted(common: ClassDistribution, shift: Any, factor: Any) -> ClassDistrib
     return replace(
         common, location=common.location + common.spread * shift, spread=common.spread * factor
     )
-
-
-class _JointModel:
-    """Model for `fit_enough`, compiled once for each number of draws per unit."""
-
-    def __init__(self, joint: Joint) -> None:
-        self._joint = joint
-        # Shared draws by group, and the kernel, for each number of draws.
-        self._made: dict[int, tuple[dict[str, list[dict[str, SharedVariable]]], BatchedSMC]] = {}
-
-    def kernel(self, draws: Mapping[tuple[str, str], Unit], count: int) -> BatchedSMC:
-        """Return a kernel of `count` particles for these draws of each unit."""
-        groups: dict[str, list[Unit]] = {}
-        for (group, _), unit in draws.items():
-            groups.setdefault(group, []).append(unit)
-        size = len(next(iter(draws.values())).log_weight)
-        if size not in self._made:
-            shared = {group: _shared_parts(units) for group, units in groups.items()}
-            self._made[size] = shared, BatchedSMC(model=self._joint.model(shared))
-        kernel = self._made[size][1]
-        kernel.draws = count
-        return kernel
-
-    def variances(self, tree: xr.DataTree, draws: Mapping[tuple[str, str], Unit]) -> Array:
-        """Return the variance of the log evidence for each number of draws in `DRAW_COUNTS`."""
-        distributions = self._joint.distributions(tree, DISTRIBUTIONS)
-        variances = np.zeros(len(DRAW_COUNTS))
-        for key, unit in draws.items():
-            terms = unit.log_weight
-            for part, distribution in zip(unit.parts, distributions[key[0]], strict=True):
-                terms = terms + log_densities(part, distribution)
-            variances += variance_of_shares(terms, unit.standard_error, DRAW_COUNTS)
-        return variances
-
-
-def _flat(units: Mapping[str, Mapping[str, Unit]]) -> dict[tuple[str, str], Unit]:
-    """Return the units by (group, name)."""
-    return {
-        (group, name): unit for group, of_group in units.items() for name, unit in of_group.items()
-    }
-
-
-def _shared_parts(units: Sequence[Unit]) -> list[dict[str, SharedVariable]]:
-    """Return shared variables of the draws of each part; the first part holds the weights."""
-    parts = [
-        shared_draws(of_units) for of_units in zip(*(unit.parts for unit in units), strict=True)
-    ]
-    parts[0]["log_weight"].set_value(np.stack([unit.log_weight for unit in units]))
-    return parts

@@ -14,9 +14,9 @@ from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.stored import reading
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.settings import ModelSettings, law_names_of, model_settings_of
-from pymc_hyperelastic.predictions.measured import warn_user
 
 #: Attribute of fitted classes: JSON of the reasons why others were not fitted, by class name.
 MISSING = "missing_classes"

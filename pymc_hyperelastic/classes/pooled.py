@@ -24,8 +24,11 @@ from pymc_hyperelastic.classes.interface import (
     Seed,
     by_group,
 )
-from pymc_hyperelastic.classes.pooled_prediction import ClassPredictive, particles_of
-from pymc_hyperelastic.classes.signals import with_hybrids
+from pymc_hyperelastic.classes.pooled_prediction import (
+    ClassPredictive,
+    particles_of,
+    with_hybrids,
+)
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.data.variables import kinds_of_tests
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
@@ -190,29 +193,26 @@ class PooledClass(ClassKind):
             return forwards[kinds]
 
         @cache
-        def predictives_of(forward: ForwardModel) -> list[ClassPredictive]:
-            rng = np.random.default_rng(seed)
-            return [self.predictive(fitted, forward, rng) for fitted in fitted_classes]
-
-        @cache
-        def predictive_of_signals(
-            forward: ForwardModel, number: int, signals: frozenset[str]
+        def predictive(
+            forward: ForwardModel, number: int, signals: frozenset[str] | None = None
         ) -> ClassPredictive:
-            rng = np.random.default_rng(seed_of(seed, f"{number} {sorted(signals)}"))
+            rng = np.random.default_rng(seed_of(seed, f"{number} {sorted(signals or ())}"))
             return self.predictive(fitted_classes[number], forward, rng, signals)
 
-        predictives_of(forward_for(next(iter(specimens_apart(like).values()))))
+        # Classes that cannot predict raise an error now.
+        first = forward_for(next(iter(specimens_apart(like).values())))
+        for number in range(len(fitted_classes)):
+            predictive(first, number)
 
         def predict(data: xr.Dataset, seed: Seed) -> list[Prediction]:
             forward = forward_for(data)
-            predictives = predictives_of(forward)
-            states = seed.generate_state(len(predictives)).tolist()
-            predictions = [p(state) for p, state in zip(predictives, states, strict=True)]
+            states = seed.generate_state(len(fitted_classes)).tolist()
+            predictions = [predictive(forward, i)(state) for i, state in enumerate(states)]
 
             def evidence_of(number: int, signals: frozenset[str]) -> float:
                 try:
-                    predictive = predictive_of_signals(forward, number, signals)
-                    value, error = predictive(states[number]).log_evidence
+                    of_signals = predictive(forward, number, signals)
+                    value, error = of_signals(states[number]).log_evidence
                 except (ValueError, ArithmeticError):
                     return np.nan
                 return value if error < _LARGEST_ERROR else np.nan

@@ -1,7 +1,11 @@
 """Marginal likelihood of new data under a class whose specimens share one set of parameters.
 
+The evidence can be divided between the measured signals: pressure, slope and force.
 :class:`~pymc_hyperelastic.classes.pooled.PooledClass` predicts new specimens with it.
 """
+
+from collections.abc import Callable, Collection, Sequence
+from functools import cache, partial
 
 import numpy as np
 import pymc as pm
@@ -9,15 +13,14 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.interface import DRAWS, FEWEST_DRAWS, Prediction
 from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
+    ENOUGH,
     LARGEST_PARETO_K,
-    STEP_DRAWS,
     importance_sampling,
     mean_weight,
-    weighted_draws,
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
@@ -26,21 +29,13 @@ from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.stored import damaged, read_numbers
 from pymc_hyperelastic.evidence.target import Score, gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
+from pymc_hyperelastic.mechanics.interpolation import evenly
 
 Array = NDArray[np.float64]
 
-# Largest number of draws of a class to which a mixture is fitted.
-_MIXTURE_DRAWS = 4000
-# Number of draws from this mixture for the normaliser of the class's posterior.
-_NORMALISER_DRAWS = 20000
-# Number of class draws at which the likelihood of new data is computed first.
-_TRIAL_DRAWS = 200
-# Fewest effective draws among these for which the likelihood at all class draws is computed.
-_FEWEST_EFFECTIVE_TRIALS = 10
-# Number of draws from the proposal at the modes, which is tried before a proposal is adapted.
-_CANDIDATE_DRAWS = 1500
-# Fraction of these draws that comes from the mixture of the class, in case modes are missing.
-_CLASS_SHARE = 0.1
+# Function of the number of a class and of a set of signals: the log evidence, in nats, of these
+# signals alone under the class; NaN if it is unknown.
+EvidenceOf = Callable[[int, frozenset[str]], float]
 
 
 def particles_of(fitted: xr.DataTree, model: pm.Model) -> dict[str, Array]:
@@ -119,14 +114,19 @@ class ClassPredictive:
         self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
         self._draws = np.concatenate([self._kernel.target.columns(c) for c in self._chains])
 
-        thinned = _thinned(self._draws, _MIXTURE_DRAWS)
+        thinned = self._draws[evenly(len(self._draws), DRAWS)]
         components = components_for(len(thinned), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(thinned, components, rng, iterations=20)
         self._width = width_of(thinned)
         self._modes = self._modes_from(self._score_of_class, self._mixture.means)
-        proposal = self._mixture.heavy_tailed()
-        _, log_weights = weighted_draws(self._score_of_class, proposal, _NORMALISER_DRAWS, rng)
-        self._normaliser, self._normaliser_k = mean_weight(log_weights)
+        self._normaliser = importance_sampling(
+            self._score_of_class,
+            self._mixture,
+            expectation_maximisation,
+            1,
+            rng,
+            draws=5 * DRAWS,  # its error enters the evidences of all new data
+        )
 
     def _score_of_class(self, points: Array) -> tuple[Array, Array]:
         """Return the log density without the new data, and a log likelihood of 0."""
@@ -143,9 +143,9 @@ class ClassPredictive:
         return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
 
     def _from_class_draws(self) -> Prediction | None:
-        # For most specimens the class draws are not good enough: a few of them show it quickly.
-        trial = self._log_likelihood(_thinned(self._draws, _TRIAL_DRAWS))
-        if effective_sample_size(trial) < _FEWEST_EFFECTIVE_TRIALS:
+        # For most specimens too few class draws are effective: some of them show it quickly.
+        trial = self._log_likelihood(self._draws[evenly(len(self._draws), FEWEST_DRAWS)])
+        if effective_sample_size(trial) / len(trial) < ENOUGH / len(self._draws):
             return None
         log_weights = self._log_likelihood(self._draws)
         estimate, pareto_k = mean_weight(log_weights)
@@ -158,7 +158,7 @@ class ClassPredictive:
         return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
 
     def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
-        if not self._normaliser_k < LARGEST_PARETO_K:
+        if not self._normaliser.pareto_k < LARGEST_PARETO_K:
             return None
         found = importance_sampling(
             self._kernel.target.score,
@@ -166,28 +166,25 @@ class ClassPredictive:
             expectation_maximisation,
             1,
             rng,
-            draws=2 * STEP_DRAWS,
             candidate=self._candidate(),
         )
         if not found.pareto_k < LARGEST_PARETO_K:
             return None
-        estimate = Estimate(
-            found.log_value.value - self._normaliser.value,
-            float(np.hypot(found.log_value.standard_error, self._normaliser.standard_error)),
-        )
-        return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
+        (value, error), (of_class, error_of_class) = found.log_value, self._normaliser.log_value
+        estimate = Estimate(value - of_class, float(np.hypot(error, error_of_class)))
+        pareto_k = max(found.pareto_k, self._normaliser.pareto_k)
+        return _prediction(estimate, "adapted draws", pareto_k)
 
     def _candidate(self) -> tuple[GaussianMixture, int] | None:
         """Return a proposal at the modes with the new data, and its number of draws.
 
-        One more specimen moves the modes of a class a little. A fraction of the draws comes from
-        the mixture of the class, in case there is mass elsewhere.
+        One more specimen moves the modes of a class a little. Half of the draws come from the
+        mixture of the class, in case there is mass elsewhere.
         """
         modes = self._modes and self._modes_from(self._kernel.target.score, self._modes.means)
         if modes is None:
             return None
-        joined = modes.joined(self._mixture, _CLASS_SHARE)
-        return joined.heavy_tailed(), _CANDIDATE_DRAWS
+        return modes.joined(self._mixture).heavy_tailed(), DRAWS
 
     def _by_tempering(self, rng: np.random.Generator) -> Prediction:
         values, errors = [], []
@@ -198,6 +195,37 @@ class ClassPredictive:
         return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
 
 
-def _thinned(draws: Array, most: int) -> Array:
-    """Return at most `most` of the draws, evenly spaced."""
-    return draws[:: -(-len(draws) // most)]
+def with_hybrids(
+    predictions: Sequence[Prediction],
+    signals: Sequence[str],
+    measured: Collection[str],
+    evidence_of: EvidenceOf,
+) -> list[Prediction]:
+    r"""Return the predictions with a function for evidences of hybrids of two classes.
+
+    A hybrid takes the signals in a set ``S`` from the other class, and those in its complement
+    ``S'`` from the class itself:
+
+    .. math:: v(S) = \ln P(D_{S'} | C) + \ln P(D_S | C_{\mathrm{other}})
+
+    `signals` that were not `measured` do not contribute. The evidence of some of the signals is
+    computed when it is first needed, and then cached. See ``Prediction.hybrids``.
+    """
+    evidence_of, all_measured = cache(evidence_of), frozenset(measured)
+
+    def log_evidence(number: int, chosen: frozenset[str]) -> float:
+        if chosen >= all_measured:
+            value, error = predictions[number].log_evidence
+            return value if np.isfinite(error) else np.nan
+        chosen &= all_measured
+        return evidence_of(number, chosen) if chosen else 0.0
+
+    def hybrids(own: int, other: int) -> Array:
+        values = np.empty((2,) * len(signals))
+        for place in np.ndindex(values.shape):
+            from_other = frozenset(s for s, moved in zip(signals, place, strict=True) if moved)
+            of_own = log_evidence(own, all_measured - from_other)
+            values[place] = of_own + log_evidence(other, from_other)
+        return values
+
+    return [p._replace(hybrids=partial(hybrids, i)) for i, p in enumerate(predictions)]

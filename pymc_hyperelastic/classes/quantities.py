@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
+from pymc_hyperelastic.classes.interface import SEED
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.mechanics.reference_tube import Tube
@@ -30,8 +31,6 @@ Array = NDArray[np.float64]
 #: Share of specimens without a quantity, or that cannot bear a test, above which there is a
 #: warning.
 MOST_LACKING = 0.005
-# Seed of the Latin hypercube of specimens: all draws of all classes use the same points.
-_SEED = 1
 # Number of materials whose properties are computed in one batch, to limit the memory.
 _BATCH_SIZE = 20_000
 # Properties of a tube by which classes can be compared.
@@ -66,7 +65,7 @@ def standard_specimens(size: int, count: int) -> Array:
     Latin hypercube sample with mean 0. If `count` exceeds ``size + 1``, they are transformed so
     that their covariance matrix is the identity.
     """
-    cube = stats.qmc.LatinHypercube(size, scramble=False, optimization="random-cd", rng=_SEED)
+    cube = stats.qmc.LatinHypercube(size, scramble=False, optimization="random-cd", rng=SEED)
     points = stats.norm.ppf(cube.random(count))
     points -= points.mean(axis=0)
     if count > size + 1:
@@ -92,9 +91,8 @@ def parameters_of(kind: HierarchicalClass) -> list[str]:
 
 def unit_of(name: str, kind: HierarchicalClass) -> str | None:
     """Return the unit of a quantity or of its logarithm; None if the name is unknown."""
-    available = known_quantities(kind)
-    bare = name if name in available else name.removeprefix(_LOG_PREFIX)
-    if bare not in available:
+    bare = name.removeprefix(_LOG_PREFIX)
+    if bare not in known_quantities(kind):
         return None
     if bare != name or bare in kind.scale.names:
         return "1"
@@ -106,7 +104,7 @@ def unit_of(name: str, kind: HierarchicalClass) -> str | None:
 
 def is_logarithm(name: str, kind: HierarchicalClass) -> bool:
     """Return True for quantities on a log scale, which have no ratio."""
-    return name in kind.scale.names or name not in known_quantities(kind)
+    return name in kind.scale.names or name.startswith(_LOG_PREFIX)
 
 
 def values_of(
@@ -118,8 +116,7 @@ def values_of(
     exist, for example where a tube does not reach the pressure.
     """
     shape = (len(at.pressures), *coordinates.shape[1:])
-    available = known_quantities(kind)
-    bare = {n: n if n in available else n.removeprefix(_LOG_PREFIX) for n in names}
+    bare = {name: name.removeprefix(_LOG_PREFIX) for name in names}
     parameters = kind.scale.numbers([*coordinates])
     found = _properties(kind, parameters, [n for n in PROPERTIES if n in bare.values()], at)
     for name in set(bare.values()) - set(found):
@@ -140,32 +137,28 @@ def _properties(
     at: Conditions,
 ) -> dict[str, Array]:
     """Return properties of tubes of these materials, computed in batches of draws."""
-    draws, specimens = next(iter(parameters.values())).shape[:2]
     if not wanted:
         return {}
-    step = max(1, _BATCH_SIZE // specimens)
     if not set(wanted) & set(BETWEEN_PRESSURES):
         at = replace(at, pressure_range=None)
+    parameters = {name: values.copy() for name, values in parameters.items()}
+    draws, specimens = next(iter(parameters.values())).shape[:2]
+    entries = [values.reshape(draws, specimens, -1) for values in parameters.values()]
+    # Parameters may overflow for extreme draws: properties of such specimens are NaN.
+    finite = np.isfinite(np.concatenate(entries, axis=2)).all(axis=2)
+    for values in parameters.values():
+        values[~finite] = 1.0
     parts = []
-    for start in range(0, draws, step):
-        batch = {n: v[start : start + step] for n, v in parameters.items()}
-        # Parameters may overflow for extreme draws: properties of such specimens are NaN.
-        entries = [v.reshape(*v.shape[:2], -1) for v in batch.values()]
-        finite = np.isfinite(np.concatenate(entries, axis=2)).all(axis=2)
-        batch = {n: np.where(_expanded(finite, v), v, 1.0) for n, v in batch.items()}
+    for rows in np.array_split(np.arange(draws), -(-finite.size // _BATCH_SIZE)):
+        batch = {name: values[rows] for name, values in parameters.items()}
         tree = xr.DataTree.from_dict({"posterior": posterior_of(batch)})
         with warnings.catch_warnings():
             # The caller warns once about all specimens without a property.
             warnings.simplefilter("ignore")
             found = tube_properties(tree, at, energy=kind.energy, check="ignore")
-        by_name = {name: _with_pressures(found[name], len(at.pressures)) for name in wanted}
-        parts.append({name: np.where(finite, values, np.nan) for name, values in by_name.items()})
-    return {name: np.concatenate([p[name] for p in parts], axis=1) for name in wanted}
-
-
-def _expanded(finite: NDArray[np.bool_], values: Array) -> NDArray[np.bool_]:
-    """Append axes to a mask (draw, specimen), so that it broadcasts over entries of a parameter."""
-    return finite.reshape(*finite.shape, *(1,) * (values.ndim - 2))
+        parts.append({name: _with_pressures(found[name], len(at.pressures)) for name in wanted})
+    joined = {name: np.concatenate([part[name] for part in parts], axis=1) for name in wanted}
+    return {name: np.where(finite, values, np.nan) for name, values in joined.items()}
 
 
 def _with_pressures(values: xr.DataArray, count: int) -> Array:

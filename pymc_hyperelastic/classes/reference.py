@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.class_distribution import SPREADS, ClassDistribution
 from pymc_hyperelastic.models.geometry import deviation_name
 from pymc_hyperelastic.models.population import Population, log_noise_name
 from pymc_hyperelastic.models.priors import RANGE_DRAWS, draws_of
@@ -19,27 +19,46 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, mean_density
 
 Array = NDArray[np.float64]
 
-# Spread of the coordinates in the reference distribution, in prior medians of a class's spread.
-_REFERENCE_WIDTH = 2.0
-# Spread of the log scale of the experiment effect in the reference distribution.
-_REFERENCE_EFFECT_SPREAD = 1.0
-# Least spread of the log size of an error in the reference distribution.
-_LEAST_NOISE_SPREAD = 0.5
+# Spreads of a reference distribution, in those of a class: its draws also cover specimens that are
+# rare in the class.
+_WIDER = 2.0
 
 
 def reference_of(population: Population) -> ClassDistribution:
     """Return the reference: the prior of a specimen of an unknown class, made wider."""
     mean, sd = population.scale.location_prior
-    spread = _REFERENCE_WIDTH * np.exp(population.scale.spread_prior[0])
+    spread = _WIDER * np.exp(population.scale.spread_prior[0])
+    wide = {name: _WIDER * median for name, (median, _) in SPREADS.items()}
     optional: dict[str, Any] = {}
     if population.variability.experiment_effect:
-        optional |= {"experiment_spread": spread / 2, "effect_spread": _REFERENCE_EFFECT_SPREAD}
+        optional |= {"experiment_spread": spread / 2, "effect_spread": wide["effect_spread"]}
     inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
         logs = np.log(draws_of(inferred, RANGE_DRAWS))
-        spreads = np.hypot(logs.std(axis=1), _LEAST_NOISE_SPREAD)
+        spreads = np.hypot(logs.std(axis=1), wide["noise_spread"])
         optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
+
+
+def near_class(distributions: ClassDistribution) -> ClassDistribution:
+    """Return a reference distribution for specimens of a class, which is twice as wide."""
+    d = distributions
+
+    def moments(means: Array, spreads: Array) -> tuple[Array, Array]:
+        """Return the mean and the wider spread of new specimens, for each coordinate or noise."""
+        means, spreads = np.asarray(means)[..., 0], np.asarray(spreads)[..., 0]
+        variance = means.var(axis=1) + np.square(spreads).mean(axis=1)
+        return means.mean(axis=1), _WIDER * np.sqrt(variance)
+
+    location, spread = moments(d.location, d.spread)
+    optional: dict[str, Any] = {}
+    if d.experiment_spread is not None:
+        _, within = moments(np.zeros_like(d.experiment_spread), d.experiment_spread)
+        effect_spread = np.sqrt(np.mean(np.square(d.effect_spread)))
+        optional |= {"experiment_spread": within, "effect_spread": effect_spread}
+    if d.log_size is not None:
+        optional["log_size"], optional["noise_spread"] = moments(d.log_size, d.noise_spread)
+    return ClassDistribution(location, spread, np.eye(len(location)), **optional)
 
 
 def fresh_specimens(

@@ -13,8 +13,6 @@ from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Largest deviation of the sum of a unit's probabilities from 1: inputs may have been rounded.
-_SUM_TOLERANCE = 1e-6
 # Name of the forecast by the most probable class.
 TOP_CLASS = "most probable class"
 
@@ -168,7 +166,7 @@ def _checked_probability(probability: Any) -> xr.DataArray:
             "least one of each, and each class once"
         )
     for i, p in enumerate(probability.values):
-        if not np.all((p >= 0) & (p <= 1 + _SUM_TOLERANCE)) or abs(p.sum() - 1) > _SUM_TOLERANCE:
+        if not np.all(p >= 0) or not np.isclose(p.sum(), 1):
             raise ValueError(
                 f"{_name_of_unit(probability, i)}: the probabilities {p.tolist()} are not numbers "
                 "between 0 and 1 that add up to 1"
@@ -182,18 +180,20 @@ def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
     unit, classes = probability.dims[0], probability["class_label"].values.tolist()
     names = [n for n in (unit, "specimen", "experiment") if n in probability.coords]
     of_units = {n: [*map(str, probability[n].values.tolist())] for n in names}
+    stated = {}
     if isinstance(truth, xr.DataArray):
-        for name, units in of_units.items():
-            if name in truth.coords and [*map(str, truth[name].values.tolist())] != units:
-                raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
+        stated = {n: truth[n].values.tolist() for n in of_units if n in truth.coords}
         truth = truth.values
     elif isinstance(truth, pd.Series):
-        index = [*map(str, truth.index.tolist())]
+        index = truth.index.tolist()
         for name, units in of_units.items():
             # The index may be that of another table, and equal to numbers of experiments by chance.
-            other = name == "experiment" or set(units).isdisjoint(index) or _is_default(truth)
-            if units != index and not other:
-                raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
+            other = set(units).isdisjoint(map(str, index)) or _is_default(truth)
+            if not other and name != "experiment":
+                stated[name] = index
+    for name, units in stated.items():
+        if [*map(str, units)] != of_units[name]:
+            raise ValueError(f"probabilities and truth differ in {name!r}, or in its order")
     labels = np.asarray(truth).tolist()
     if not isinstance(labels, list) or len(labels) != len(probability):
         raise ValueError(

@@ -10,6 +10,7 @@ import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.classes.interface import FEWEST_DRAWS
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.stored import read_draws, read_numbers
@@ -18,8 +19,6 @@ Array = NDArray[np.float64]
 
 # Parts of the posterior density that are raised to a power.
 _GROUPS = "prior", "likelihood"
-# Smallest number of draws for an estimate of the sensitivity: with fewer it is too noisy.
-_FEWEST_DRAWS = 100
 
 
 def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) -> Array:
@@ -55,7 +54,7 @@ def power_scaling(draws: xr.DataArray, log_prior: Array, log_likelihood: Array) 
     patterns, which = np.unique(np.isfinite(flat), axis=1, return_inverse=True)
     found = np.full((2, flat.shape[1]), np.nan)
     for number, finite in enumerate(patterns.T):
-        if finite.sum() < _FEWEST_DRAWS:
+        if finite.sum() < FEWEST_DRAWS:
             continue
         logs = {"log_prior": log_prior[finite], "log_likelihood": log_likelihood[finite]}
         columns = np.ravel(which) == number

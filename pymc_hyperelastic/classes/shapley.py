@@ -12,14 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws
-from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE, Prediction
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
-
-# Weight in an average over strain energies below which a strain energy changes no reported digit of
-# a Shapley value.
-_NEGLIGIBLE_WEIGHT = 1e-4
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -33,26 +29,9 @@ def log_ratio_parts(
 ) -> Array:
     """Return the Shapley values of the log evidence ratio of the classes `own` and `rival`.
 
-    `predictions` has the order (law, class).
-    """
-    return shapley(_hybrids(laws, predictions, own, rival))
-
-
-def rivals_of(log_probability: Array) -> list[int]:
-    """Return, for each class, the index of the most probable other class."""
-    # Unknown probabilities are ranked last.
-    ranked = np.nan_to_num(log_probability.round(DIGITS), nan=-np.inf)
-    first, second = np.argsort(-ranked, kind="stable")[:2].tolist()
-    return [second if own == first else first for own in range(len(ranked))]
-
-
-def _hybrids(
-    laws: Laws, predictions: Sequence[Sequence[Prediction]], own: int, rival: int
-) -> Array:
-    """Return log evidences for each set of replaced parts, averaged over strain energies.
-
-    Each axis is a part: index 0 for the class `own`, 1 for the rival. For strain energies with
-    negligible weights only the two ends are used, since other entries may be unknown.
+    `predictions` has the order (law, class). Evidences are averaged over strain energies. For
+    strain energies with negligible weights only the evidences under the two classes themselves are
+    used, since those under hybrids may be unknown.
     """
     parts, terms = parts_of(laws), []
     both = np.array([[of[i].log_evidence.value for i in (own, rival)] for of in predictions])
@@ -66,7 +45,15 @@ def _hybrids(
         # Replacing a part that this strain energy lacks changes nothing.
         values = values[tuple(slice(None) if part in of_law else None for part in parts)]
         terms.append(laws.log_probability[law] + np.broadcast_to(values, (2,) * len(parts)))
-    return logsumexp(terms, axis=0)
+    return shapley(logsumexp(terms, axis=0))
+
+
+def rivals_of(log_probability: Array) -> list[int]:
+    """Return, for each class, the index of the most probable other class."""
+    # Unknown probabilities are ranked last.
+    ranked = np.nan_to_num(log_probability.round(DIGITS), nan=-np.inf)
+    first, second = np.argsort(-ranked, kind="stable")[:2].tolist()
+    return [second if own == first else first for own in range(len(ranked))]
 
 
 def _are_relevant(laws: Laws, ends: Array) -> NDArray[np.bool_]:
@@ -75,10 +62,7 @@ def _are_relevant(laws: Laws, ends: Array) -> NDArray[np.bool_]:
         return np.array([True])
     shares = softmax(laws.log_probability[:, None] + ends, axis=0)
     # The comparison is False for NaN: an unknown weight is not negligible.
-    return ~(
-        (np.exp(laws.log_probability) < _NEGLIGIBLE_WEIGHT)
-        & (shares.max(axis=1) < _NEGLIGIBLE_WEIGHT)
-    )
+    return ~((np.exp(laws.log_probability) < NEGLIGIBLE) & (shares.max(axis=1) < NEGLIGIBLE))
 
 
 def shapley(values: Array) -> Array:

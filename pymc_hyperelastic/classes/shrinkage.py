@@ -10,19 +10,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.compare_classes import check_quantities
-from pymc_hyperelastic.classes.joint import draws_given, unit_of_specimen
+from pymc_hyperelastic.classes.interface import SEED
+from pymc_hyperelastic.classes.joint import draws_given
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, values_of
 from pymc_hyperelastic.classes.reference import one_draw
+from pymc_hyperelastic.classes.specimen_evidence import unit_of_specimen
 from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.predictions.conditions import Conditions
 from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
 Array = NDArray[np.float64]
-
-# New specimens are the same at every call.
-_SEED = 1
 
 
 def specimens_beside_class(
@@ -50,11 +49,11 @@ def specimens_beside_class(
     for fitted in classes.children.values():
         distributions = distributions_of(fitted)
         count, size = len(distributions.location[0]), len(kind.scale.names)
-        normal = np.random.default_rng(_SEED).standard_normal((count, size, 1))
+        normal = np.random.default_rng(SEED).standard_normal((count, size, 1))
         rows = [np.asarray(distributions.location)[..., 0]]
         rows += [distributions.coordinates(normal)[..., 0]]
         names = names_of_specimens(fitted)
-        units = [unit_of_specimen(stored_draws(fitted, n), np.empty(0)) for n in names]
+        units = [unit_of_specimen(stored_draws(fitted, n)) for n in names]
         for distribution in (distributions, reference):
             rows += [draws_given(unit, [distribution], count)[0] for unit in units]
         (values,) = values_of(kind, np.stack(rows, axis=-1), [quantity], at).values()

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
+from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import ENOUGH, LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
@@ -21,7 +22,6 @@ from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
     log_densities,
     log_density_of_noise,
-    mean_density,
 )
 
 Array = NDArray[np.float64]
@@ -33,16 +33,37 @@ PARTS: dict[str, tuple[str, ...]] = {
 }
 """Parts of a class distribution, with the attributes of ``ClassDistribution`` in each."""
 
-# Number of draws of a class distribution at which all draws of a specimen are weighted.
-_TRIAL_DISTRIBUTIONS = 100
-# Standard error, in nats, that a smaller number of draws may add to a log evidence.
-_ERROR_OF_DRAWS = 0.01
-# Fewest draws of a specimen that are used.
-_FEWEST_DRAWS = 200
-# Largest number of draws of two class distributions from which hybrids are made.
-_HYBRID_DISTRIBUTIONS = 250
-# Standard deviations of a reference distribution, in those of a new specimen of the class.
-_REFERENCE_WIDTH = 1.5
+# Largest number of draws of a class distribution for hybrids of classes, for estimates of an error,
+# and for a prior of specimens: their densities under more draws take too long.
+DISTRIBUTIONS = 250
+
+
+class Unit(NamedTuple):
+    """Weighted draws of one specimen, or of the mean and the change of a pair of specimens."""
+
+    parts: tuple[SpecimenDraws, ...]
+    """Draws of the specimen, or of the mean and of the change of a pair."""
+    log_weight: Array
+    """Logarithms of the importance weights, shape (draw)."""
+    standard_error: float
+    """Standard error of the logarithm of the sum of the weights."""
+
+    def first(self, count: int) -> "Unit":
+        """Return the first `count` draws, with weights scaled to represent all draws."""
+        correction = np.log(len(self.log_weight) / count)
+        parts = tuple(part.first(count) for part in self.parts)
+        return Unit(parts, self.log_weight[:count] + correction, self.standard_error)
+
+    def log_terms(self, distributions: Sequence[ClassDistribution]) -> Array:
+        """Return log weights plus log densities under the distributions, (distribution, draw)."""
+        parts = zip(self.parts, distributions, strict=True)
+        return self.log_weight + sum(log_densities(part, of_part) for part, of_part in parts)
+
+
+def unit_of_specimen(draws: SpecimenDraws, covariates: Array | None = None) -> Unit:
+    """Return the draws of a specimen, with its covariates, as a unit."""
+    part = draws if covariates is None else replace(draws, covariates=covariates)
+    return Unit((part,), draws.log_weight, draws.standard_error)
 
 
 def parts_of(population: Population) -> tuple[str, ...]:
@@ -51,12 +72,11 @@ def parts_of(population: Population) -> tuple[str, ...]:
     return tuple(part for part in PARTS if has.get(part, True))
 
 
-def variance_of_specimen(
-    draws: SpecimenDraws, distributions: ClassDistribution, count: NDArray[np.intp]
-) -> Array:
+def variance_of_shares(log_shares: Array, standard_error: float, count: NDArray[np.intp]) -> Array:
     r"""Variance of a class's log evidence, for numbers of draws that represent one specimen.
 
-    There is one variance for each number in `count`.
+    There is one variance for each number in `count`. `log_shares` are log weights plus log
+    densities of all draws, shape (distribution, draw), and `standard_error` is that of the weights.
 
     The evidence is a mean over class distributions ``φ`` of products of sums over draws. To first
     order, a draw changes the log evidence by its share of the sum, averaged over ``φ``: the changes
@@ -65,74 +85,40 @@ def variance_of_specimen(
     The variance is estimated from all draws. An estimate from fewer draws would be too small if the
     most important draws were missing.
     """
-    log_shares = draws.log_weight + log_densities(draws, distributions)
-    return variance_of_shares(log_shares, draws.standard_error, count)
-
-
-def variance_of_shares(log_shares: Array, standard_error: float, count: NDArray[np.intp]) -> Array:
-    """Compute :func:`variance_of_specimen` from the log terms of the sum, (distribution, draw)."""
     if np.isinf(standard_error):
         return np.full(count.shape, np.inf)
-    log_shares = log_shares - logsumexp(log_shares, axis=1, keepdims=True)
-    shares = np.exp(log_shares).mean(axis=0)
+    shares = softmax(log_shares, axis=1).mean(axis=0)
     total, common = len(shares), standard_error**2
     # The draws were resampled from weighted draws, whose variance enters both terms.
     return common + (total * np.sum(shares**2) - 1) * (1 / count + common)
 
 
-class SpecimenEvidence(NamedTuple):
-    """Log evidence of a specimen under a class, with its error and its reliability."""
-
-    log_evidence: Estimate
-    own_error: float
-    """Standard error without the part that all classes share: that of the specimen's draws."""
-    method: str
-    pareto_k: float
-    """Larger Pareto shape of two sets of weights.
-
-    They are the weights of the specimen's draws under the class, and those of the integral from
-    which these draws were resampled.
-    """
-
-
-def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
+def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> Prediction:
     """Return the evidence of a new specimen of a class, averaged over the class distribution.
 
-    The evidence varies mostly with the class distribution, and little with the specimen's draws,
-    because the curves determine these well. The Pareto shape and the number of draws that are
-    needed are therefore computed from all draws of the specimen under a few draws of the class
-    distribution. The evidence is the mean over the needed draws under all distributions.
+    The Pareto shape is the larger one of two sets of weights: those of the specimen's draws under
+    the class, and those of the integral from which these draws were resampled.
     """
-    size = total = len(draws.log_weight)
-    count = len(distributions.location[0])
-    if count > _TRIAL_DISTRIBUTIONS:
-        trial = distributions.at(evenly(count, _TRIAL_DISTRIBUTIONS))
-        effective, pareto_k = _reliability(draws.log_weight + mean_density(draws, trial), draws)
-        needed = max(total / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
-        size = int(np.clip(needed, min(_FEWEST_DRAWS, total), total))
-
-    used = draws.first(size)
-    density = log_densities(used, distributions)
+    density = log_densities(draws, distributions)
     # Keep the maximum finite if the density underflows to zero under all distributions.
     largest = np.maximum(density.max(axis=0), -np.finfo(float).max)
     # The exponentials take most of the time, so they are computed once and in place.
     density -= largest
     np.exp(density, out=density)
     with np.errstate(divide="ignore"):
-        log_weights = used.log_weight + largest + np.log(density.mean(axis=0))
+        log_weights = draws.log_weight + largest + np.log(density.mean(axis=0))
     value = float(logsumexp(log_weights))
-    if size == total:
-        effective, pareto_k = _reliability(log_weights, draws)
-    variance_of_draws = max(total / effective - 1, 0.0) / size
-    relative = density @ np.exp(used.log_weight + largest - value)
-    own_error = float(np.sqrt(variance_of_draws + np.var(relative) / count))
+    effective, pareto_k = _reliability(log_weights, draws)
+    relative = density @ np.exp(draws.log_weight + largest - value)
+    variance_of_draws = max(1 / effective - 1 / len(log_weights), 0.0)
+    own_error = float(np.sqrt(variance_of_draws + np.var(relative) / len(relative)))
     estimate = Estimate(value, float(np.hypot(own_error, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
-    return SpecimenEvidence(estimate, own_error, method, pareto_k)
+    return Prediction(estimate, own_error, method, pareto_k)
 
 
 def _reliability(log_weights: Array, draws: SpecimenDraws) -> tuple[float, float]:
-    """Return the effective sample size of the weights, and ``SpecimenEvidence.pareto_k``."""
+    """Return the effective sample size of the weights, and the larger Pareto shape."""
     effective = effective_sample_size(log_weights)
     pareto_k = np.inf if effective < ENOUGH else pareto_shape(log_weights)
     # The Pareto shape of draws from tempering is NaN, which fmax ignores.
@@ -161,7 +147,7 @@ def hybrid_evidences(
     shape = (2,) * len(parts)
     if len(parts) == 1:
         return np.array(ends)
-    count = min(len(own.location[0]), len(other.location[0]), _HYBRID_DISTRIBUTIONS)
+    count = min(len(own.location[0]), len(other.location[0]), DISTRIBUTIONS)
     pair = tuple(d.at(evenly(len(d.location[0]), count)) for d in (own, other))
     values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
     for draws in samples:
@@ -203,23 +189,3 @@ def _densities_of_parts(
         return cached[wall] + log_density_of_noise(np, draws.log_size, pair[source["noise"]])
 
     return densities
-
-
-def near_class(distributions: ClassDistribution) -> ClassDistribution:
-    """Return a reference distribution for a specimen of a class: one that is 1.5 times as wide."""
-    d = distributions
-    location, spread = np.asarray(d.location)[..., 0], np.asarray(d.spread)[..., 0]
-    mean = location.mean(axis=1)
-    wide = _REFERENCE_WIDTH * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
-    optional: dict[str, Any] = {}
-    if d.experiment_spread is not None:
-        within = np.asarray(d.experiment_spread)[..., 0]
-        optional |= {
-            "experiment_spread": _REFERENCE_WIDTH * np.sqrt((within**2).mean(axis=1)),
-            "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
-        }
-    if d.log_size is not None:
-        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_size, d.noise_spread))
-        noise_spread = _REFERENCE_WIDTH * np.sqrt(logs.var(axis=1) + (spreads**2).mean(axis=1))
-        optional |= {"log_size": logs.mean(axis=1), "noise_spread": noise_spread}
-    return ClassDistribution(mean, wide, np.eye(len(mean)), **optional)

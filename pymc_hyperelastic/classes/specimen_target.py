@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.classes.interface import DRAWS, SEED
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.target import (
     Derivatives,
@@ -22,9 +23,6 @@ from pymc_hyperelastic.evidence.target import (
 )
 
 Array = NDArray[np.float64]
-
-# Number of draws from which the width of the prior is estimated.
-_WIDTH_DRAWS = 1000
 
 
 class SpecimenPrior(Protocol):
@@ -116,7 +114,7 @@ class SpecimenTarget(Target):
     @cached_property
     def prior_width(self) -> Array:
         """Width of the prior in each variable."""
-        return width_of(self.draw_prior(_WIDTH_DRAWS, np.random.default_rng(1)))
+        return width_of(self.draw_prior(DRAWS, np.random.default_rng(SEED)))
 
     def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:
         """Return log prior and log likelihood, and the gradient of each, shape (n, d).

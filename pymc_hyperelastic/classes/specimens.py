@@ -7,7 +7,6 @@ and the model of a class has only the parameters of the class distribution as un
 classes and predictions for new specimens use this module.
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,7 +32,7 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
@@ -198,11 +197,10 @@ class SpecimenSampler:
         if accurate:
             return found, target
         (name,) = specimens_of(data)[0]
-        warnings.warn(
+        warn_user(
             f"the curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
             "their largest value, because its material is far from the prior: the standard error "
-            "of its evidence is infinite",
-            skip_file_prefixes=(PACKAGE,),
+            "of its evidence is infinite"
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
@@ -301,25 +299,21 @@ class SpecimenSampler:
     def _with_misfit(
         self, data: xr.Dataset, draws: SpecimenDraws, target: SpecimenTarget
     ) -> SpecimenDraws:
-        """Return the draws with their misfit; without it if the noise is inferred."""
-        if not self.population.known_noise:
-            return draws
-        squares = target.squares(draws.points)
-        misfit, freedom = self._misfit(data, squares, target.dimension)
-        return replace(draws, misfit=misfit, freedom=freedom)
-
-    def _misfit(self, data: xr.Dataset, squares: Array, unknown: int) -> tuple[float, float]:
-        """Return the sum of squares of the best curve, and its number of degrees of freedom.
+        """Return the draws with the sum of squares of the best curve, and its degrees of freedom.
 
         The mean sum of squares over draws exceeds the smallest one by the number of parameters that
-        the curves determine. This number is half of the variance over draws.
+        the curves determine. This number is half of the variance over draws. If the noise is
+        inferred, there is no misfit.
         """
-        count = self.population.likelihood.count(data)
+        if not self.population.known_noise:
+            return draws
+        squares, count = target.squares(draws.points), self.population.likelihood.count(data)
         with np.errstate(over="ignore", invalid="ignore"):
             determined = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
             # The variance is larger if the prior and the curves contradict each other.
-            determined = min(determined, unknown, count - 1)
-            return float(squares.mean() - determined), float(count - determined)
+            determined = min(determined, target.dimension, count - 1)
+            misfit, freedom = float(squares.mean() - determined), float(count - determined)
+        return replace(draws, misfit=misfit, freedom=freedom)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
         """Return the model for this number and kinds of tests, and set its data."""

@@ -4,20 +4,17 @@ Fits warn of copies among the training data. Classification and cross-validation
 and data that are left out, that are in the training data: a class always fits its own data.
 """
 
-import warnings
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
 
-# Points of a test that another specimen has, too; fewer may agree by chance.
-_FEWEST_COPIED = 3
 # Rounded radius and pressure, by which points are compared.
 Point = tuple[float, ...]
 # Data, and the index of a test, that hold a point: by the point, and by a label of the holder.
@@ -62,12 +59,11 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
             )
     if training_specimens and fresh:
         names = " and ".join(f"{n} of class {name!r}" for name, n in training_specimens.items())
-        warnings.warn(
+        warn_user(
             f"the new data hold the specimens {names}, whose other measurements were in the "
             "training data: with variability each is modelled as a new specimen, and therefore "
             "looks more typical of its class than it is. Leave these specimens out of the classes, "
-            "or rename them if they are different specimens",
-            skip_file_prefixes=(PACKAGE,),
+            "or rename them if they are different specimens"
         )
 
 
@@ -84,12 +80,12 @@ def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
         sizes = np.bincount(data["test"].values, minlength=data.sizes["test"])
         for test, copies in _copies(data, held):
             others = {*copies} - {data["specimen"].values[test]}
-            if others and sizes[test] >= _FEWEST_COPIED:
-                warnings.warn(
+            # One or two points may agree by chance.
+            if others and sizes[test] >= 3:
+                warn_user(
                     f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
                     f"specimen {min(others, key=str)!r} as well, and would count twice: if one "
-                    "was copied by mistake, remove it",
-                    skip_file_prefixes=(PACKAGE,),
+                    "was copied by mistake, remove it"
                 )
                 return
 

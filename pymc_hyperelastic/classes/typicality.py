@@ -10,20 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f
 
-from pymc_hyperelastic.classes.reference import fresh_specimens
+from pymc_hyperelastic.classes.interface import DRAWS
+from pymc_hyperelastic.classes.reference import fresh_specimens, one_draw
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
 Array = NDArray[np.float64]
-
-# Number of specimens from which the covariance of the reference distribution is estimated.
-_REFERENCE_SPECIMENS = 4000
-# The curves determine a direction if its posterior variance is below this fraction of the variance
-# of the reference.
-_DETERMINED = 0.5
-# Added to sums of squares so that their logarithm is finite.
-_SMALLEST = 1e-12
 
 
 def typical_p_value(
@@ -57,7 +50,7 @@ def typical_p_value(
     if draws.tests < 2 or np.isnan(wall):
         return wall
     scatters = draws.scatter, references[1], others[1]
-    own, of_reference, of_class = (np.log(scatter + _SMALLEST) for scatter in scatters)
+    own, of_reference, of_class = (np.log(scatter + np.finfo(float).eps) for scatter in scatters)
     between = _share_as_far(own, of_reference, of_class, rng)
     # If the curves do not determine the scatter, there is only one p-value to combine.
     return wall if np.isnan(between) else either(wall, between)
@@ -72,7 +65,8 @@ def _share_as_far(own: Array, reference: Array, others: Array, rng: np.random.Ge
     middle, whiten = _whitening(reference.T)
     own, others = (own.T - middle) @ whiten, (others.T - middle) @ whiten
     variance, directions = np.linalg.eigh(np.atleast_2d(np.cov(own.T)))
-    determined = variance < _DETERMINED
+    # The curves determine a direction if they reduce the variance of the reference by half.
+    determined = variance < 0.5
     if not determined.any():
         return np.nan
     variance, directions = variance[determined], directions[:, determined]
@@ -137,29 +131,12 @@ def _new_specimens(
 ) -> tuple[Array, Array]:
     """Draw new specimens; return mean and scatter of the coordinates of each one's tests."""
     if np.ndim(distributions.location[0]) == 0:
-        distributions = repeated(distributions, _REFERENCE_SPECIMENS)
+        distributions = one_draw(distributions).at(np.zeros(DRAWS, int))
     draws: Mapping[str, Array] = fresh_specimens(population, distributions, tests, rng)
     names = population.scale.names
     of_tests = np.stack([draws.get(f"{name}_of_test", draws[name]) for name in names])
     centre = of_tests.mean(axis=2)
     return centre, ((of_tests - centre[..., None]) ** 2).sum(axis=2)
-
-
-def repeated(d: ClassDistribution, count: int) -> ClassDistribution:
-    """Return one class distribution as `count` equal draws, along the first of two axes."""
-
-    def vector(values: Array | None) -> Array | None:
-        return None if values is None else np.multiply.outer(values, np.ones((count, 1)))
-
-    return ClassDistribution(
-        vector(d.location),
-        vector(d.spread),
-        d.factor,
-        vector(d.experiment_spread),
-        d.effect_spread,
-        d.log_size,
-        d.noise_spread,
-    )
 
 
 def _whitening(points: Array) -> tuple[Array, Array]:

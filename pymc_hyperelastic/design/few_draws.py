@@ -12,8 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp
 
-from pymc_hyperelastic.classes.reference import one_draw
-from pymc_hyperelastic.classes.specimen_evidence import near_class
+from pymc_hyperelastic.classes.reference import near_class, one_draw
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.evidence.mixture import GaussianMixture

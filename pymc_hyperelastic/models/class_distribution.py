@@ -37,7 +37,7 @@ SPREAD_OF_NOISE = {
     "stretch_sd": "stretch_noise_spread",
 }
 # Log-normal priors, dimensionless: median, and standard deviation of the logarithm.
-_SPREADS = {
+SPREADS = {
     # Spread of the tests of one specimen, in spreads of the specimens: tests differ less.
     "experiment_spread": (0.375, 0.8),
     # Standard deviation, between specimens, of the logarithm of the spread of their tests.
@@ -152,16 +152,16 @@ def register_class(
     factor = correlation_factor(size)
     optional: dict[str, Any] = {}
     if experiment_effect:
-        median, sd_of_log = _SPREADS["experiment_spread"]
+        median, sd_of_log = SPREADS["experiment_spread"]
         prior = pm.LogNormal.dist(logs + np.log(median), sd_of_log, shape=size)
         optional["experiment_spread"] = variable("experiment_spread", prior)
-        median, sd_of_log = _SPREADS["effect_spread"]
+        median, sd_of_log = SPREADS["effect_spread"]
         prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["effect_spread"] = variable("effect_spread", prior)
     inferred = noises_of(likelihood)
     if inferred:
         sizes = likelihood.register_unknowns()
-        median, sd_of_log = _SPREADS["noise_spread"]
+        median, sd_of_log = SPREADS["noise_spread"]
         prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [variable(SPREAD_OF_NOISE[name], prior) for name in inferred]

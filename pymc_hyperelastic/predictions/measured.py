@@ -15,7 +15,6 @@ at a pressure
 An inferred geometry is replaced by its median.
 """
 
-import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -31,7 +30,7 @@ from pymc_hyperelastic.mechanics.tube import (
     internal_radius_from_outer_radius,
     stretches,
 )
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.rounding import DIGITS, ROUNDING
 
 Array = NDArray[np.float64]
@@ -192,11 +191,6 @@ def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
             "the strain energy alone"
         )
     return extrapolated
-
-
-def warn_user(words: str) -> None:
-    """Issue a warning that points to the user's line of code, outside the package."""
-    warnings.warn(words, skip_file_prefixes=(PACKAGE,))
 
 
 def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:

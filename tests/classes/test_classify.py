@@ -133,9 +133,9 @@ def decided(undecided_below=0.0, none_below=0.0, **changes):
         ({"pareto_k": [0.499, 0.1]}, "C1"),
         ({"pareto_k": [0.5, 0.1]}, "cannot be judged"),
         ({"pareto_k": [0.1, np.inf]}, "cannot be judged"),
-        # Ten nats below the most probable class an evidence does not matter.
-        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -9.9]}, "cannot be judged"),
-        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -10.1]}, "C1"),
+        # The evidence of a class does not matter if its probability is below 1e-4, exp(-9.21).
+        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -9.1]}, "cannot be judged"),
+        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -9.3]}, "C1"),
         ({"log_evidence_se": [np.inf, 0.1]}, "cannot be judged"),
         ({"p_value": [np.nan, 0.5]}, "C1"),
         ({"p_value": [np.nan, 0.5], "none_below": 0.05}, "cannot be judged"),

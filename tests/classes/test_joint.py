@@ -7,7 +7,8 @@ from variable_classes import known_specimen
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.joint import Apart, Joint, unit_of_pair, unit_of_specimen
+from pymc_hyperelastic.classes.joint import Apart, Joint, unit_of_pair
+from pymc_hyperelastic.classes.specimen_evidence import unit_of_specimen
 
 SEED, DRAWS = 912, 1000
 # A correct standard error is exceeded threefold once in 370 runs; seeds are fixed. No evidence may

@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.distribution import class_model, shared_draws
+from pymc_hyperelastic.classes.distribution import ClassModel, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models import specimen_draws
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -97,7 +97,8 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     noise = ph.Gaussian(pm.LogNormal.dist(0.0, 1.0), observed=True)
     population = Population(ph.Ogden(), noise, ph.Variability(experiment_effect=True))
     specimens = [random_draws(rng, 2, tests, 20) for tests in (2, 3)]
-    model = class_model(population, shared_draws(draws for draws, _ in specimens))
+    units = units_of({f"{i}": draws for i, (draws, _) in enumerate(specimens)})
+    model = ClassModel(population).kernel(units, 1).model
     location, spread, within = rng.normal(0, 0.3, 2), np.array([0.3, 0.5]), np.array([0.1, 0.2])
     point = {
         "location": location,
@@ -108,7 +109,7 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
         "pressure_sd_log__": np.log(0.8),
         "noise_spread_log__": np.log(0.4),
     }
-    outputs = model.replace_rvs_by_values([model["specimens"], model["correlation"]])
+    outputs = model.replace_rvs_by_values([model["specimens_class"], model["correlation"]])
     function = BatchedFunction.of_model(model, outputs)
     joined = np.concatenate([np.ravel(point[v.name]) for v in model.value_vars])
     potential, correlation = (values[0] for values in function(joined[None]))

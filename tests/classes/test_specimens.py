@@ -14,7 +14,7 @@ from variable_classes import GRID, PRESSURE_SD, SEED, SIGMA, TUBE, UNIT_PRESSURE
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.reference import reference_of
-from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
+from pymc_hyperelastic.classes.specimen_evidence import variance_of_shares
 from pymc_hyperelastic.classes.specimens import PARTICLES, SpecimenSampler
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.likelihoods import as_likelihood
@@ -94,7 +94,14 @@ def test_draws_near_a_narrow_class_make_its_evidence_precise():
     log_terms += stats.norm(centre, width).logpdf(x) + np.log(x[1] - x[0])
     value = logsumexp(near.log_weight + log_densities(near, narrow))
     error, before = (
-        np.sqrt(variance_of_specimen(draws, narrow, np.array(PARTICLES))) for draws in (near, wide)
+        np.sqrt(
+            variance_of_shares(
+                draws.log_weight + log_densities(draws, narrow),
+                draws.standard_error,
+                np.array(PARTICLES),
+            )
+        )
+        for draws in (near, wide)
     )
     assert error < PRECISE < ENOUGH < before
     assert abs(value - logsumexp(log_terms)) < STANDARD_ERRORS * error

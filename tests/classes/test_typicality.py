@@ -9,6 +9,7 @@ from variable_classes import SEED, classify, curves
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import typicality
+from pymc_hyperelastic.classes.reference import one_draw
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
@@ -17,6 +18,8 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 NONE_BELOW = 0.05
 # P-values are ranks among 20,000 random specimens, whitened by 4000: 4 sd.
 COUNT, TOLERANCE = 20_000, 0.03
+# Indices that repeat one distribution.
+SAME = np.zeros(COUNT, int)
 NOISE = ph.Gaussian(0.5, observed=True)
 OGDEN = Population(ph.Ogden(), NOISE)
 
@@ -52,7 +55,7 @@ def test_typical_p_value_equals_closed_form_of_normal_distributions(left, known)
         drawn(exactly(mean, posterior)),
         OGDEN,
         ClassDistribution(middle, width, np.eye(2)),
-        typicality.repeated(ClassDistribution(location, spread, factor), COUNT),
+        one_draw(ClassDistribution(location, spread, factor)).at(SAME),
         np.random.default_rng(SEED),
     )
     gain, root = np.eye(2) - posterior @ np.diag(width**-2.0), np.diag(spread) @ factor
@@ -76,7 +79,7 @@ def test_typical_p_value_includes_the_scatter_between_experiments(ratio):
         drawn(1 + exact, within**2 * ratio * np.exp(exact), tests),
         Population(ph.NeoHookean(), NOISE, ph.Variability(experiment_effect=True)),
         reference,
-        replace(typicality.repeated(one, COUNT), effect_spread=np.zeros((COUNT, 1))),
+        replace(one_draw(one).at(SAME), effect_spread=np.zeros((COUNT, 1))),
         np.random.default_rng(SEED),
     )
     wall = 2 * stats.norm.sf(0.5 / np.sqrt(0.3**2 + within**2 / tests))
