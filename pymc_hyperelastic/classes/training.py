@@ -10,14 +10,17 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
+from pymc_hyperelastic.data.inflation import (
+    FEWEST_COPIED,
+    describe_test,
+    measured_radius,
+    points_of,
+)
 from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 from pymc_hyperelastic.rounding import DIGITS
 
-# Points of a test that another specimen has, too; fewer may agree by chance.
-_FEWEST_COPIED = 3
 # Rounded radius and pressure, by which points are compared.
 Point = tuple[float, ...]
 # Data, and the index of a test, that hold a point: by the point, and by a label of the holder.
@@ -84,7 +87,7 @@ def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
         sizes = np.bincount(data["test"].values, minlength=data.sizes["test"])
         for test, copies in _copies(data, held):
             others = {*copies} - {data["specimen"].values[test]}
-            if others and sizes[test] >= _FEWEST_COPIED:
+            if others and sizes[test] >= FEWEST_COPIED:
                 warnings.warn(
                     f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
                     f"specimen {min(others, key=str)!r} as well, and would count twice: if one "
