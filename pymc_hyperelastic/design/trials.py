@@ -18,7 +18,7 @@ from pymc_hyperelastic.classes.quantities import MOST_LACKING, values_of
 from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_of
-from pymc_hyperelastic.design.few_draws import FewDraws, known_class
+from pymc_hyperelastic.design.few_draws import NEGLIGIBLE, FewDraws, known_class
 from pymc_hyperelastic.design.planned_tests import (
     Design,
     data_of,
@@ -34,19 +34,11 @@ from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution from which specimens are simulated, and over which their density
-# is averaged. Both use the same draws: otherwise a specimen from the tail of one of them could have
-# a density of almost 0.
-_DISTRIBUTIONS = 400
 # Weight of the density before the test in the density of a quantity after it: the kernel density of
 # few draws would be almost 0 in its tails.
 _AS_BEFORE = 0.02
 # Fraction of specimens that cannot bear a design above which it is refused.
 _TOO_MANY_LACKING = 0.2
-# Number of draws for the density of a quantity after a test.
-_AFTER = 256
-# Class probability below which a class is not simulated: its part of the information is as small.
-_NEGLIGIBLE = 1e-6
 
 
 class Specimens(NamedTuple):
@@ -69,10 +61,8 @@ class Specimens(NamedTuple):
 class Trial(NamedTuple):
     """Results of one design; NaN for specimens that cannot bear its tests."""
 
-    gain: Array
-    """Information about the class, nats, (specimen,)."""
-    of_half: Array
-    """The same with half of the inner draws."""
+    gains: Array
+    """Information about the class, nats, (2, specimen): with all inner draws, and with half."""
     effective: Array
     """Smallest number of effective draws of any class, (specimen,)."""
     materials: list[Array]
@@ -96,7 +86,11 @@ class Simulation:
     ) -> None:
         self._kind, self._at, self._given, self._draws = kind, at, given, draws
         self._log_prior = log_prior
-        self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
+        # Draws before the planned tests, which all trials share.
+        self.many = 10 * draws
+        # Specimens are simulated from the draws over which their density is averaged. Otherwise a
+        # specimen from the tail of one of them could have a density of almost 0.
+        self._classes = [distributions_of(fitted) for fitted in classes.children.values()]
 
     def specimens(
         self, count: int, tests: int, seed: np.random.SeedSequence, *, rare: bool = True
@@ -122,7 +116,7 @@ class Simulation:
     def _like_given(self, count: int, rng: np.random.Generator, rare: bool) -> Specimens:
         """Draw specimens from the posterior given the earlier tests."""
         sampler, draw = self._inner(self._given)
-        drawn = draw(self._given, None, 10 * self._draws, rng)
+        drawn = draw(self._given, None, self.many, rng)
         terms = drawn.log_terms
         log_before = log_softmax(self._log_prior + logsumexp(terms, axis=1))
         truth = _truths(np.exp(log_before), count, rare)
@@ -154,9 +148,9 @@ class Simulation:
             for j, step in enumerate((1, 2)):
                 gains[j, i] = self._gain(drawn.log_terms[:, ::step], tried, int(i))
             log_weight = logsumexp(drawn.log_terms + self._log_prior[:, None], axis=0)
-            chosen = rng.permutation(_in_proportion(softmax(log_weight), _AFTER))
+            chosen = rng.permutation(_in_proportion(softmax(log_weight), self._draws))
             materials[i] = sampler.draws_at(drawn.points[chosen]).centre
-        return Trial(gains[0], gains[1], effective, materials)
+        return Trial(gains, effective, materials)
 
     def _gain(self, terms: Array, tried: Specimens, i: int) -> float:
         """Return the log probability of the true class after the test, minus that before."""
@@ -189,7 +183,7 @@ class Simulation:
         draws after the test, the second one half of them.
         """
         truth = self.quantity(name, tried)
-        possible = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
+        possible = np.flatnonzero(np.isfinite(trial.gains[0]) & np.isfinite(truth))
         after = self._values(name, np.stack([trial.materials[i] for i in possible], axis=1))
         prior = prior[np.isfinite(prior)]
         if min(np.nanmin(after), prior.min()) > 0:
@@ -210,7 +204,7 @@ def _truths(chance: Array, count: int, rare: bool) -> NDArray[np.intp]:
     An improbable class may have most of the information: a test that finds it gains much.
     """
     if rare:
-        possible = chance > _NEGLIGIBLE
+        possible = chance > NEGLIGIBLE
         chance = (chance + possible / possible.sum()) / 2
     return _in_proportion(chance / chance.sum(), count)
 
