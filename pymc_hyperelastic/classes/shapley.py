@@ -17,9 +17,9 @@ from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Weight in an average over strain energies below which a strain energy changes no reported digit of
-# a Shapley value.
-_NEGLIGIBLE_WEIGHT = 1e-4
+#: Probability of a strain energy, or of a class, below which it changes no reported digit of an
+#: average.
+NEGLIGIBLE = 1e-4
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -75,10 +75,7 @@ def _are_relevant(laws: Laws, ends: Array) -> NDArray[np.bool_]:
         return np.array([True])
     shares = softmax(laws.log_probability[:, None] + ends, axis=0)
     # The comparison is False for NaN: an unknown weight is not negligible.
-    return ~(
-        (np.exp(laws.log_probability) < _NEGLIGIBLE_WEIGHT)
-        & (shares.max(axis=1) < _NEGLIGIBLE_WEIGHT)
-    )
+    return ~((np.exp(laws.log_probability) < NEGLIGIBLE) & (shares.max(axis=1) < NEGLIGIBLE))
 
 
 def shapley(values: Array) -> Array:

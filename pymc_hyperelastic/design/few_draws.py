@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 
 from pymc_hyperelastic.classes.reference import one_draw
+from pymc_hyperelastic.classes.shapley import NEGLIGIBLE
 from pymc_hyperelastic.classes.specimen_evidence import near_class
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
@@ -28,8 +29,6 @@ Array = NDArray[np.float64]
 
 # Fraction of a class's draws that must be effective, and to which a proposal is fitted.
 _EFFECTIVE = 0.25
-#: Class probability below which a class does not matter: its part of the information is as small.
-NEGLIGIBLE = 1e-4
 
 
 class KnownClass(NamedTuple):
