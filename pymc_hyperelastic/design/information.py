@@ -17,6 +17,7 @@ from pymc_hyperelastic.classes.quantities import complete_conditions, known_quan
 from pymc_hyperelastic.design.planned_tests import Defaults, Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens, check_given
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.convergence import FEWEST_EFFECTIVE
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_ERROR
 from pymc_hyperelastic.models.settings import origin_of
@@ -27,8 +28,6 @@ from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Effective inner draws below which the evidence of a class for a specimen counts as unreliable.
-_ENOUGH = 20
 #: Fraction of specimens with fewer effective draws above which there is a warning.
 MOST_UNSURE = 0.05
 
@@ -131,7 +130,7 @@ def expected_information(
         are simulated also if they are improbable, and their specimens have small weights.
 
         ``lacking`` : fraction of specimens that cannot bear the tests. ``unsure`` : fraction of
-        specimens with fewer than 20 effective inner draws for some class that is not negligible.
+        specimens with fewer than 40 effective inner draws for some class that is not negligible.
 
         ``tests`` : description of the tests of each design.
 
@@ -256,7 +255,7 @@ def _result(
     best = int(np.nanargmax(information.round(DIGITS)))
     difference, difference_se = _mean_and_error(gain - gain[best], tried)
     change, change_se = _mean_and_error(gain - of_half, tried)
-    unsure = np.sum(effective < _ENOUGH, axis=1) / counted.sum(axis=1)
+    unsure = np.sum(effective < FEWEST_EFFECTIVE, axis=1) / counted.sum(axis=1)
     dims = "design"
     result = xr.Dataset(
         {
@@ -280,7 +279,7 @@ def _result(
     for name, share in zip(planned, unsure, strict=True):
         if share > MOST_UNSURE:
             warn_user(
-                f"design {name!r}: {share:.0%} of the specimens have fewer than {_ENOUGH} "
+                f"design {name!r}: {share:.0%} of the specimens have fewer than {FEWEST_EFFECTIVE} "
                 "effective draws, so that their information is unreliable: increase draws"
             )
     for name, moved, its_error in zip(planned, change, change_se, strict=True):
