@@ -2,14 +2,16 @@
 
 import os.path
 import warnings
+from collections.abc import Iterable
 from typing import Any
 
 #: A warning that skips files under this path names the line that called the package.
 PACKAGE = os.path.join(os.path.dirname(__file__), "")
-# Letters of a value that a message shows: a line of a terminal.
-_LONGEST_SHOWN = 80
-# Letters of the text of another library's error: some lines.
-_LONGEST_REASON = 300
+#: Characters of a label, of the name of a column, and of a value that a message shows: some lines
+#: of a terminal.
+LONGEST_TEXT = 200
+#: Number of labels, columns, lines or problems that a message lists.
+MOST_LISTED = 30
 
 
 def warn_user(words: str) -> None:
@@ -26,9 +28,27 @@ def shown(value: Any) -> str:
     ("aaa…'", '[1.5]')
     """
     if isinstance(value, str):
-        return repr(value if len(value) <= _LONGEST_SHOWN else value[: _LONGEST_SHOWN - 1] + "…")
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 1] + "…"
+        return repr(_shortened(value))
+    return _shortened(" ".join(repr(value).split()))
+
+
+def listed(labels: Iterable[Any]) -> str:
+    """Return labels as messages list them, see :func:`enumerated`."""
+    return enumerated(map(shown, labels))
+
+
+def enumerated(texts: Iterable[str]) -> str:
+    """Return texts separated by commas; of many, the first and the number of the others.
+
+    Examples
+    --------
+    >>> enumerated(["a", "b"]), enumerated(map(str, range(50)))[-20:]
+    ('a, b', '28, 29 and 20 others')
+    """
+    texts = list(texts)
+    others = len(texts) - MOST_LISTED
+    named = ", ".join(texts[:MOST_LISTED])
+    return f"{named} and {others} others" if others > 0 else named
 
 
 def in_one_line(error: Exception) -> str:
@@ -42,4 +62,8 @@ def in_one_line(error: Exception) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, KeyError) or not text:
         text = f"{type(error).__name__}: {text}"
-    return text if len(text) <= _LONGEST_REASON else text[: _LONGEST_REASON - 1] + "…"
+    return _shortened(text)
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"

@@ -11,12 +11,6 @@ from collections.abc import Sequence
 DIGITS = 9
 #: Relative difference of two equal numbers.
 ROUNDING = 1e-9
-# Significant digits of an error: a third one is below a tenth of what any error is known to.
-_DIGITS_OF_ERROR = 2
-# Ratio of the distances of the ends of an interval from which on each end is rounded by its own.
-_FAR = 10.0
-# Size of numbers, and number of decimals, from which on powers of ten are written.
-_LARGE, _MANY_DECIMALS = 1e6, 6
 
 
 def short(value: float) -> str:
@@ -32,8 +26,9 @@ def short(value: float) -> str:
 def rounded(numbers: Sequence[float], error: float) -> list[str]:
     """Return numbers to the decimal of the second significant digit of an error.
 
-    A number that would be printed as 0 keeps one digit. If the error is not a positive number, all
-    numbers have four digits.
+    A third digit is below a tenth of what any error is known to. A number that would be printed as
+    0 keeps one digit. If the error is not a positive number, all numbers have four digits. Numbers
+    of a million and more, and those with more than six decimals, are written as powers of ten.
 
     >>> rounded([-17.1834, 0.0403], 0.0403), rounded([12345.0, 1234.0], 1234.0)
     (['−17.183', '0.040'], ['12300', '1200'])
@@ -42,9 +37,9 @@ def rounded(numbers: Sequence[float], error: float) -> list[str]:
     """
     if not (math.isfinite(error) and error > 0):
         return [short(number) for number in numbers]
-    decimals = _DIGITS_OF_ERROR - 1 - _exponent(error, _DIGITS_OF_ERROR - 1)
+    decimals = 1 - _exponent(error, 1)
     known = [abs(number) for number in numbers if math.isfinite(number)]
-    powers = decimals > _MANY_DECIMALS or max(known, default=0.0) >= _LARGE
+    powers = decimals > 6 or max(known, default=0.0) >= 1e6
     return [_rounded(number, decimals, powers) for number in numbers]
 
 
@@ -59,7 +54,7 @@ def rounded_interval(value: float, low: float, high: float) -> list[str]:
     nearer = min(value - low, high - value)
     texts = rounded([value, low, high], nearer)
     for place, end in ((1, low), (2, high)):
-        if math.isfinite(end) and abs(end - value) > _FAR * nearer:
+        if math.isfinite(end) and abs(end - value) > 10 * nearer:
             (texts[place],) = rounded([end], abs(end - value))
     return texts
 

@@ -14,9 +14,8 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.select import specimens_apart
-from pymc_hyperelastic.messages import warn_user
+from pymc_hyperelastic.messages import listed, warn_user
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.members import names_of_specimens
 from pymc_hyperelastic.rounding import ROUNDING

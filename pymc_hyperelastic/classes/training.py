@@ -9,7 +9,12 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import describe_test, measured_radius, points_of
+from pymc_hyperelastic.data.inflation import (
+    FEWEST_COPIED,
+    describe_test,
+    measured_radius,
+    points_of,
+)
 from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
@@ -80,8 +85,7 @@ def warn_of_copies(groups: Mapping[str, xr.Dataset]) -> None:
         sizes = np.bincount(data["test"].values, minlength=data.sizes["test"])
         for test, copies in _copies(data, held):
             others = {*copies} - {data["specimen"].values[test]}
-            # One or two points may agree by chance.
-            if others and sizes[test] >= 3:
+            if others and sizes[test] >= FEWEST_COPIED:
                 warn_user(
                     f"{describe_test(data, test)}: these {sizes[test]} points are listed under the "
                     f"specimen {min(others, key=str)!r} as well, and would count twice: if one "

@@ -11,15 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pymc_hyperelastic.data.inflation import file_of, listed, row_text
+from pymc_hyperelastic.data.inflation import file_of, row_text
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.validation import Problems
-from pymc_hyperelastic.data.variables import OPTIONAL_LABELS
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.data.variables import TEST_LABELS
+from pymc_hyperelastic.messages import listed, shown
 from pymc_hyperelastic.rounding import ROUNDING
-
-# Labels that together name a test; a table may lack the last two.
-LABELS = ("specimen", "experiment", *OPTIONAL_LABELS)
 
 
 @dataclass(frozen=True)
@@ -152,7 +149,7 @@ def differ(values: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 def rows_of(frame: pd.DataFrame, problems: Problems) -> Rows:
     """Rows of a frame that has the columns it needs, see :func:`check_frame`."""
-    labels = {name: labels_of(frame, name) for name in LABELS if name in frame}
+    labels = {name: labels_of(frame, name) for name in TEST_LABELS if name in frame}
     test, _ = pd.factorize(pd.MultiIndex.from_arrays(list(labels.values())))
     return Rows(frame, problems, labels, test, np.unique(test, return_index=True)[1])
 

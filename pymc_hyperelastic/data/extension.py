@@ -11,10 +11,8 @@ from pymc_hyperelastic.data.columns import Rows
 from pymc_hyperelastic.data.inflation import varies
 from pymc_hyperelastic.rounding import DIGITS
 
-# An extension test extends its tube by at least this part of its stretch.
-_LEAST_EXTENSION = 0.01
-# At most this part of the rows of an extension test has one and the same stretch.
-_MOST_EQUAL = 0.5
+#: Smallest strain that counts as one: smaller ones may be errors of measurement.
+LEAST_STRAIN = 0.01
 
 
 def clearly_extended(stretch: NDArray[np.float64]) -> bool:
@@ -60,12 +58,12 @@ def stretches_of(
 
 
 def _held(stretch: NDArray[np.float64]) -> bool:
-    return bool(np.ptp(stretch) < _LEAST_EXTENSION * stretch.max())
+    return bool(np.ptp(stretch) < LEAST_STRAIN * stretch.max())
 
 
 def _usual(stretch: NDArray[np.float64]) -> tuple[float, int]:
-    """The stretch of most rows, and of how many if that is too many for an extension test."""
+    """The most frequent stretch, and in how many rows if these are most rows of several."""
     values, count = np.unique(stretch.round(DIGITS), return_counts=True)
     often = int(count.max())
-    too_many = often > _MOST_EQUAL * stretch.size and stretch.size > 2
+    too_many = often > stretch.size / 2 and stretch.size > 2
     return float(values[np.argmax(count)]), often if too_many else 0

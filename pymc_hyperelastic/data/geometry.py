@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows
+from pymc_hyperelastic.data.inflation import ANGLE
 from pymc_hyperelastic.mechanics.reference_tube import (
     Tube,
     stated_wall,
@@ -34,7 +35,6 @@ _REFERENCES = (
     'radii_of="ring" if the radii are those of the closed unloaded ring, before it was cut; '
     '"sector" if they are those of the sector to which it opened'
 )
-_DEGREES = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
 _TWICE = (
     "opening_angle is {:.6g} rad as a whole, twice Fung's; expected an angle between -2 pi and "
     '2 pi: if the whole angle of the gap was measured, its convention is "whole"'
@@ -127,7 +127,7 @@ def errors_of_tube(rows: Rows, tube: Tube, errors: dict[str, Array]) -> dict[str
 
 def _check_angle(rows: Rows, tube: Tube, angle: Array) -> None:
     """Refuse tests with an impossible angle, or with one that has two meanings."""
-    impossible = "opening_angle is {:.6g} rad; " + _DEGREES
+    impossible = "opening_angle is {:.6g} rad; " + ANGLE
     _refuse(rows, np.abs(angle) >= 2 * np.pi, impossible, angle, "angle")
     if tube.convention == "fung":
         beyond = (np.abs(angle) >= np.pi) & (np.abs(angle) < 2 * np.pi)

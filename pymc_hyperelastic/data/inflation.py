@@ -10,8 +10,7 @@ point, mostly at a held pressure. If there are extension tests, ``axial_stretch`
 for all tests; :func:`at_points` returns it, or another measure of the tube, at every point.
 """
 
-from collections.abc import Hashable, Iterable, Iterator
-from math import pi
+from collections.abc import Hashable, Iterator
 
 import numpy as np
 import xarray as xr
@@ -20,19 +19,18 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.validation import Problem
 from pymc_hyperelastic.data.variables import (
     OPTIONAL,
-    OPTIONAL_LABELS,
     REQUIRED,
     STRESS_MEASURE,
+    TEST_LABELS,
     dimensions_of,
     sheet_tests,
 )
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import IN_DATA, SHEET_VARIABLES, STRESSES
 from pymc_hyperelastic.rounding import ROUNDING
 
-# Labels that a message lists.
-_MOST_LISTED = 30
+#: Points of a test that another test has too, as if one were a copy; fewer may agree by chance.
+FEWEST_COPIED = 3
 # Names of data by whether there are tubes and sheets.
 _KINDS = {
     (True, False): "inflation data",
@@ -43,8 +41,7 @@ _KINDS = {
 
 def names_of_test(data: xr.Dataset) -> list[str]:
     """Names of the labels that together name a test."""
-    names = ("specimen", "experiment", *OPTIONAL_LABELS)
-    return [name for name in names if name in data.coords]
+    return [name for name in TEST_LABELS if name in data.coords]
 
 
 def describe_test(data: xr.Dataset, i: int) -> str:
@@ -228,27 +225,15 @@ _ROOM = (
     "an outer diameter in which the wall has room: is it an inner diameter, are inner_radius and "
     "outer_radius diameters or in another unit, or is axial_stretch a strain?"
 )
-# Test for impossible values of a variable, and the expected values in words.
-_RULES = {
-    "radius": (lambda v: v["radius"] <= 0, "expected a positive radius: correct or drop the row"),
-    "outer_diameter": (
-        lambda v: v["outer_diameter"] <= 0,
-        "expected a positive diameter: correct or drop the row",
-    ),
-    "inner_radius": (lambda v: v["inner_radius"] <= 0, "expected a positive radius"),
-    "outer_radius": (
-        lambda v: v["outer_radius"] <= v["inner_radius"],
-        "expected more than inner_radius: were the two exchanged, or is one a diameter?",
-    ),
-    "axial_stretch": (
-        lambda v: v["axial_stretch"] <= 0,
-        "expected a positive ratio of lengths, 1 for an unstretched tube",
-    ),
-    "opening_angle": (
-        lambda v: np.abs(v["opening_angle"]) >= 2 * pi,
-        'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"',
-    ),
+# Expected values of variables that must be positive.
+_POSITIVE = {
+    "radius": "expected a positive radius: correct or drop the row",
+    "outer_diameter": "expected a positive diameter: correct or drop the row",
+    "inner_radius": "expected a positive radius",
+    "axial_stretch": "expected a positive ratio of lengths, 1 for an unstretched tube",
 }
+#: Expected value of an opening angle.
+ANGLE = 'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"'
 
 
 def defects_of(data: xr.Dataset) -> Iterator[Problem]:
@@ -269,9 +254,13 @@ def _defects_of_tubes(data: xr.Dataset, sheets: np.ndarray) -> Iterator[Problem]
             expected = _ROOM
         missing = np.isnan(numbers) & ~np.asarray(_may_be_missing(data, name))
         bad = {f"expected {expected}": np.isinf(numbers) | missing}
-        if name in _RULES:
-            impossible, expected = _RULES[name]
-            bad[expected] = impossible(values)
+        if name in _POSITIVE:
+            bad[_POSITIVE[name]] = numbers <= 0
+        elif name == "outer_radius":
+            exchanged = "were the two exchanged, or is one a diameter?"
+            bad[f"expected more than inner_radius: {exchanged}"] = numbers <= values["inner_radius"]
+        elif name == "opening_angle":
+            bad[ANGLE] = np.abs(numbers) >= 2 * np.pi
         elif name.endswith("_sd"):
             bad["expected a standard deviation, not below 0"] = numbers < 0
         if sheets.any():
@@ -349,11 +338,3 @@ def _found(
         what = f"{name} is {values[i]:.6g}{unit}; {expected}"
         test = int(i if of_test else data.variables["test"].values[i])
         yield Problem(place(data, int(i)), what, dimension, of_test, test)
-
-
-def listed(labels: Iterable[Hashable]) -> str:
-    """Labels as messages list them, the first of many."""
-    labels = list(labels)
-    others = len(labels) - _MOST_LISTED
-    named = ", ".join(map(shown, labels[:_MOST_LISTED]))
-    return f"{named} and {others} others" if others > 0 else named

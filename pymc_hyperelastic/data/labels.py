@@ -3,14 +3,12 @@
 import re
 from typing import Any
 
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.messages import LONGEST_TEXT, shown
 
 # Spaces of one width, which a word processor puts between words that must stay on one line.
 _SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u202f"), " ")
 # Characters without width: spaces, joiners, a soft hyphen, the mark at the beginning of a file.
 _UNSEEN = dict.fromkeys(map(ord, "\u200b\u200c\u200d\u2060\ufeff\u00ad"))
-# Characters of a label, which stands in tables, figures and names of files.
-_LONGEST_LABEL = 200
 # Characters that XML forbids, so that no report can hold them: control characters and halves of
 # characters.
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
@@ -30,10 +28,10 @@ def plain_label(label: Any) -> str:
     Raises ValueError for a character that cannot be written to a report, and for a long text.
     """
     text = plain_text(str(label)).strip()
-    if len(text) > _LONGEST_LABEL:
+    if len(text) > LONGEST_TEXT:
         raise ValueError(
             f"the label {shown(text)} has {len(text)} characters; expected at most "
-            f"{_LONGEST_LABEL}: shorten it"
+            f"{LONGEST_TEXT}: shorten it"
         )
     if found := forbidden_character(text):
         raise ValueError(

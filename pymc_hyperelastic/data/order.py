@@ -19,10 +19,8 @@ Array = NDArray[np.float64]
 Points = NDArray[np.intp]
 Cycles = Literal["last", "all"]
 
-# A curve that falls back by a smaller part of its range is one that rises with measurement errors.
-_FALL = 0.1
-# Rows per leg: at least 4 on average in a cycle; shuffled rows have 1.5.
-_LEG = 4
+#: A curve that falls back by a smaller part of its range is one that rises with measurement errors.
+LEAST_FALL = 0.1
 _SLOPES = "slopes are taken between neighbouring rows"
 
 
@@ -144,8 +142,11 @@ def _order_along(
 
 
 def _up_and_down(turns: int, count: int) -> bool:
-    """Return True if a curve turns as often as cycles do, and less often than shuffled rows."""
-    return turns == 1 or (turns > 0 and count >= _LEG * (turns + 1))
+    """Return True if a curve turns as often as cycles do, and less often than shuffled rows.
+
+    A cycle has at least 4 rows between two turns on average, and shuffled rows have 1.5.
+    """
+    return turns == 1 or (turns > 0 and count >= 4 * (turns + 1))
 
 
 def _never_turns(x: Array) -> bool:
@@ -162,7 +163,7 @@ def _first_turn(x: Array) -> int:
 
 def _turns(x: Array) -> int:
     """How often a curve turns back by more than a part of its range."""
-    fall = _FALL * np.ptp(x) * (1 + ROUNDING)
+    fall = LEAST_FALL * np.ptp(x) * (1 + ROUNDING)
     turns, way, high, low = 0, 0, x[0], x[0]
     for value in x[1:]:
         high, low = max(high, value), min(low, value)

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.extension import LEAST_STRAIN
 from pymc_hyperelastic.data.inflation import (
     at_points,
     extension_tests,
@@ -17,6 +18,7 @@ from pymc_hyperelastic.data.inflation import (
     place_of_test,
     points_of,
 )
+from pymc_hyperelastic.data.order import LEAST_FALL
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
@@ -24,16 +26,6 @@ from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.quantities import MISTAKES, PLAUSIBLE, SHEET_VARIABLES
 
 Array = NDArray[np.float64]
-
-# kPa: a test whose lowest pressure is below, and whose highest is above, has nearly unloaded and
-# inflated tubes.
-_UNLOADED = 2.0
-# Fraction of the largest pressure of a test: smaller falls may be errors of measurement.
-_FALL = 0.5
-# A sheet is pulled if its largest stretch is at least this.
-_PULLED = 1.05
-# Logarithm of a stretch whose stress does hardly any work.
-_HELD = 0.01
 
 
 def check_plausible(data: xr.Dataset, problems: Problems) -> None:
@@ -92,7 +84,7 @@ def _doubt_falling(data: xr.Dataset, problems: Problems) -> None:
         order = np.argsort(data["radius"].values[points])
         pressure = data["pressure"].values[points][order]
         fall = pressure[0] - pressure[-1]
-        if np.all(np.diff(pressure) < 0) and fall > _FALL * np.abs(pressure).max():
+        if np.all(np.diff(pressure) < 0) and fall > LEAST_FALL * np.abs(pressure).max():
             problems.doubt(
                 "fall",
                 place_of_test(data, int(test)),
@@ -121,6 +113,8 @@ def check_plausible_pressures(pressure: Array, check: Check | None = None) -> No
 
 def _quantities(data: xr.Dataset) -> dict[str, Array]:
     """Quantities with a plausible range, one number a test."""
+    # Smaller pressures may be errors of the gauge's zero: the tube is nearly unloaded.
+    unloaded = -PLAUSIBLE["lowest_pressure"].low
     test = data["test"].values
     pressure, radius = data["pressure"].values, data["radius"].values
     inner, outer, angle = (data[name].values for name in GEOMETRY if name != "axial_stretch")
@@ -146,8 +140,8 @@ def _quantities(data: xr.Dataset) -> dict[str, Array]:
         # The shortest of stretches that vary if it is implausible, else the longest.
         "axial_stretch": np.where(shortest < PLAUSIBLE["axial_stretch"].low, shortest, longest),
         "opening_angle": np.where(angle == 0, np.nan, np.abs(angle)),
-        "first_stretch": np.where(pressure[lowest] < _UNLOADED, hoop_stretch(lowest), np.nan),
-        "last_stretch": np.where(pressure[highest] > _UNLOADED, hoop_stretch(highest), np.nan),
+        "first_stretch": np.where(pressure[lowest] < unloaded, hoop_stretch(lowest), np.nan),
+        "last_stretch": np.where(pressure[highest] > unloaded, hoop_stretch(highest), np.nan),
     }
     if "axial_force" in data:
         force = np.nan_to_num(np.abs(data["axial_force"].values))
@@ -173,7 +167,7 @@ def _quantities_of_sheets(data: xr.Dataset, lateral: Array) -> dict[str, Array]:
     }
     if np.isfinite(lateral).any():
         point = _extreme(np.nanargmax, longest, data["test"].values)
-        across = np.where(largest >= _PULLED, lateral[point], np.nan)
+        across = np.where(largest > 1, lateral[point], np.nan)
         quantities["lateral_stretch"] = across
         quantities["thickness_stretch"] = 1 / (largest * across)
     return quantities
@@ -188,7 +182,7 @@ def _doubt_signs(data: xr.Dataset, problems: Problems) -> None:
     work = stresses * logs
     # The work is not known if a stress that does some was not measured. Equal stretches of two axes
     # have stresses of one sign.
-    idle = np.isnan(logs) | (np.abs(logs) < _HELD) | np.isclose(logs[0], logs[1])
+    idle = np.isnan(logs) | (np.abs(logs) < LEAST_STRAIN) | np.isclose(logs[0], logs[1])
     known = np.all(np.isfinite(work) | idle, axis=0)
     for i, point in enumerate(
         _extreme(np.argmax, np.nan_to_num(np.abs(logs)).max(axis=0), data["test"].values)

@@ -12,7 +12,6 @@ from pymc_hyperelastic.data.inflation import (
     check_data,
     describe_test,
     extension_tests,
-    listed,
 )
 from pymc_hyperelastic.data.variables import (
     OPTIONAL,
@@ -21,7 +20,7 @@ from pymc_hyperelastic.data.variables import (
     STRESS_MEASURE,
     sheet_tests,
 )
-from pymc_hyperelastic.messages import PACKAGE, shown
+from pymc_hyperelastic.messages import PACKAGE, listed, shown
 from pymc_hyperelastic.quantities import SHEET_VARIABLES
 
 
@@ -169,42 +168,37 @@ def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Datase
 
 def warn_of_repeats(data: xr.Dataset) -> None:
     """Warn if several phases of a specimen, or cycles of an experiment, are fitted together."""
-    if "phase" in data.coords:
-        _warn_of_phases(data)
-    if "cycle" in data.coords:
-        _warn_of_cycles(data)
+    place, phases = _repeated(data, "phase", ["specimen"])
+    if phases:
+        warnings.warn(
+            f"{place} has the phases {listed(phases)}, which are used together as tests of one "
+            "material; a hyperelastic material has the same curve in all phases: choose one, "
+            f"ph.select(data, phase={shown(phases[0])})",
+            skip_file_prefixes=(PACKAGE,),
+        )
+    place, cycles = _repeated(data, "cycle", ["specimen", "experiment"])
+    if cycles:
+        warnings.warn(
+            f"{place} has the cycles {listed(cycles)}, which are used together as independent "
+            "tests; cycles of one experiment are not independent, so that the posterior is too "
+            "narrow, and the first ones precondition the tissue: choose the last one, "
+            f"cycles='last' or ph.select(data, cycle={shown(cycles[-1])})",
+            skip_file_prefixes=(PACKAGE,),
+        )
 
 
-def _warn_of_phases(data: xr.Dataset) -> None:
-    for name, tests in units_of(data, "specimen").items():
-        phases = [*dict.fromkeys(data["phase"].values[tests].tolist())]
-        if len(phases) > 1:
-            warnings.warn(
-                f"specimen {shown(name)} has the phases {listed(phases)}, which are used together "
-                "as tests of one material; a hyperelastic material has the same curve in all "
-                f"phases: choose one, ph.select(data, phase={shown(phases[0])})",
-                skip_file_prefixes=(PACKAGE,),
-            )
-            return
-
-
-def _warn_of_cycles(data: xr.Dataset) -> None:
-    labels = (data[name].values.tolist() for name in ("specimen", "experiment", "cycle"))
-    found: dict[tuple, list[Hashable]] = {}
-    for *names, cycle in zip(*labels, strict=True):
-        found.setdefault(tuple(names), []).append(cycle)
-    for (specimen, experiment), repeated in found.items():
-        cycles = [*dict.fromkeys(repeated)]
-        if len(cycles) > 1:
-            warnings.warn(
-                f"specimen {shown(str(specimen))}, experiment {shown(experiment)} has the cycles "
-                f"{listed(cycles)}, which are used together as independent tests; cycles of one "
-                "experiment are not independent, so that the posterior is too narrow, and the "
-                "first ones precondition the tissue: choose the last one, cycles='last' or "
-                f"ph.select(data, cycle={shown(cycles[-1])})",
-                skip_file_prefixes=(PACKAGE,),
-            )
-            return
+def _repeated(data: xr.Dataset, label: str, names: list[str]) -> tuple[str, list[Hashable]]:
+    """Return the first specimen, or experiment, whose tests have several labels, and these."""
+    if label not in data.coords:
+        return "", []
+    found: dict[tuple, dict[Hashable, None]] = {}
+    for *of, value in zip(*(data[n].values.tolist() for n in (*names, label)), strict=True):
+        found.setdefault(tuple(of), {})[value] = None
+    for of_test, labels in found.items():
+        if len(labels) > 1:
+            words = (f"{n} {shown(x)}" for n, x in zip(names, of_test, strict=True))
+            return ", ".join(words), [*labels]
+    return "", []
 
 
 def _inventory(data: xr.Dataset) -> str:

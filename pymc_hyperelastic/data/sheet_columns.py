@@ -6,15 +6,14 @@ the kind of test pulls.
 """
 
 import re
-from collections.abc import Callable, Iterable
-from typing import Literal, NamedTuple, get_args
+from collections.abc import Iterable
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows, labels_of
-from pymc_hyperelastic.data.inflation import listed
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.messages import listed, shown
 from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
@@ -27,22 +26,14 @@ Kind = Literal["biaxial", "uniaxial", "uniaxial_x", "uniaxial_y", "equibiaxial",
 AXES = ("x", "y")
 
 
-class Deformation(NamedTuple):
-    """A measure of deformation: its smallest value, and the stretch that it stands for."""
-
-    least: float
-    equation: str
-    stretch: Callable[[Array], Array]
-
-
-#: Names of columns of the deformation. A displacement is divided by the gauge length first.
+#: Names of columns of the deformation, with their equations by the stretch λ.
 DEFORMATIONS = {
-    "stretch": Deformation(0.0, "λ", lambda x: x),
-    "engineering_strain": Deformation(-1.0, "λ − 1", lambda x: 1 + x),
-    "green_strain": Deformation(-0.5, "(λ² − 1)/2", lambda x: np.sqrt(1 + 2 * x)),
-    "displacement": Deformation(-1.0, "λ − 1 times gauge_length", lambda x: 1 + x),
+    "stretch": "λ",
+    "engineering_strain": "λ − 1",
+    "green_strain": "(λ² − 1)/2",
+    "displacement": "λ − 1 times gauge_length",
 }
-_NAMES = ", ".join(f"{name} ({of.equation})" for name, of in DEFORMATIONS.items())
+_NAMES = ", ".join(f"{name} ({equation})" for name, equation in DEFORMATIONS.items())
 
 
 def columns_of(name: str) -> tuple[str, str, str]:
@@ -192,7 +183,6 @@ def measures_of(rows: Rows, name: str, given: Measure, used: ByAxis) -> ByAxis:
 
 def stretches_of_sheet(rows: Rows, name: str, numbers: ByAxis, gauge_length: ByAxis) -> ByAxis:
     """Stretches for the given measure of them, `name`, with errors where no sheet has them."""
-    least, equation, stretch = DEFORMATIONS[name]
     stretches = {}
     for axis, given in numbers.items():
         column = name_of(rows, name, axis)
@@ -201,13 +191,23 @@ def stretches_of_sheet(rows: Rows, name: str, numbers: ByAxis, gauge_length: ByA
             "stretch": "expected a positive ratio of lengths, 1 for an unstretched sheet: was a "
             f"strain given? Then name the column engineering_strain{end} (λ − 1) or "
             f"green_strain{end} ((λ² − 1)/2)",
+            "engineering_strain": "expected more than -1, as it is λ − 1",
+            "green_strain": "expected more than -0.5, as it is (λ² − 1)/2",
             "displacement": "expected more than minus the gauge_length, at which no length is left",
-        }.get(name, f"expected more than {least:g}, as it is {equation}")
-        of_length = given / gauge_length[axis] if name == "displacement" else given
-        bad = of_length <= least
-        _refuse(rows, bad, f"{column} is {{:.6g}}; {expected}", given)
-        stretches[axis] = stretch(np.where(bad, np.nan, of_length))
+        }[name]
+        of_axis = _stretch(name, given / gauge_length[axis] if gauge_length else given)
+        _refuse(rows, of_axis <= 0, f"{column} is {{:.6g}}; {expected}", given)
+        stretches[axis] = np.where(of_axis > 0, of_axis, np.nan)
     return stretches
+
+
+def _stretch(name: str, deformation: Array) -> Array:
+    """Return the stretch of a measure of deformation; 0 or less where no sheet has it."""
+    if name == "stretch":
+        return deformation
+    if name == "green_strain":
+        return np.sqrt(np.maximum(1 + 2 * deformation, 0))
+    return 1 + deformation
 
 
 def completed(

@@ -12,8 +12,8 @@ from pymc_hyperelastic.data.inflation import at_points, check_data
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.data.variables import (
     OPTIONAL,
-    OPTIONAL_LABELS,
     STRESS_MEASURE,
+    TEST_LABELS,
     sheet_tests,
 )
 from pymc_hyperelastic.messages import shown
@@ -139,19 +139,18 @@ def _combined(datasets: Sequence[xr.Dataset], name: str) -> tuple[str, NDArray, 
 
 def _check_labels(datasets: Sequence[xr.Dataset]) -> None:
     """Raise if tests of two datasets have the same labels, or a specimen has two groups."""
-    names = ["specimen", "experiment", *OPTIONAL_LABELS]
     tests: dict[tuple, int] = {}
     groups: dict[str, tuple[int, str]] = {}
     for number, data in enumerate(datasets, start=1):
         missing = [""] * data.sizes["test"]
         columns = [
             data[name].values.astype(str).tolist() if name in data.variables else missing
-            for name in [*names, "group"]
+            for name in [*TEST_LABELS, "group"]
         ]
         for *labels, group in zip(*columns, strict=True):
             first = tests.setdefault(tuple(labels), number)
             if first != number:
-                known = zip(names, labels, strict=True)
+                known = zip(TEST_LABELS, labels, strict=True)
                 test = ", ".join(f"{name} {label!r}" for name, label in known if label)
                 raise ValueError(
                     f"datasets {first} and {number} both have {test}: give the tests of one "

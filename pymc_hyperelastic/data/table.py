@@ -24,14 +24,12 @@ from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.data.variables import POINTS
 from pymc_hyperelastic.mechanics.reference_tube import Tube, check_is_tube, stated_wall
-from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, internal_radius_from_outer_radius
 from pymc_hyperelastic.quantities import IN_DATA, POWERS
 
 MeasuredLength = Literal["radius", "outer_diameter"]
 # Key of a frame's attrs under which read_tests says in which units columns were read.
 UNITS_IN_FILES = "units_in_files"
-# Measures of a tube that does not state them; NaN is not known.
-_UNSTATED = {"inner_radius": nan, "outer_radius": nan, "axial_stretch": 1.0, "opening_angle": 0.0}
 
 
 def inflation_data(
@@ -169,8 +167,9 @@ def inflation_data(
     points = {name: rows.numbers(name) for name in (measured, "pressure")}
     if "axial_force" in rows.frame:
         points["axial_force"] = rows.numbers("axial_force", may_be_missing=True)
-    given = {name: getattr(tube, name) for name in (*_UNSTATED, *stated_wall(tube))}
-    given |= {name: value for name, value in _UNSTATED.items() if given[name] is None}
+    given = {name: getattr(tube, name) for name in (*GEOMETRY, *stated_wall(tube))}
+    unstated = dict.fromkeys(GEOMETRY, nan) | {"axial_stretch": 1.0, "opening_angle": 0.0}
+    given |= {name: value for name, value in unstated.items() if given[name] is None}
     axial_stretch = given.pop("axial_stretch")
     stretch = rows.of_points("axial_stretch", axial_stretch)
     measures = _of_tests(rows, given, units)

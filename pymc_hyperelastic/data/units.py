@@ -20,20 +20,18 @@ if TYPE_CHECKING:
 #: kPa in one (conventional) millimetre of mercury, so that 5 mmHg is written ``5 * ph.mmHg``.
 mmHg = 0.133322387415
 
-# Relative difference of two units that are one, such as micrometre and micron.
-_ROUNDING = 1e-12
 # Dimensions whose units pint converts; areas and volumes are powers of a length.
-_BASIC = ("pressure", "stress", "length", "force", "angle")
+_BASIC = ("pressure", "stress", "length", "force", "angle", "ratio")
 # Units as people write them, in small letters.
 _SPELLINGS = {unit.casefold(): unit for dimension in _BASIC for unit in UNITS[dimension]}
 _SPELLINGS |= {"micron": "um", "microns": "um", "in": "inch", "pond": "gf"}
 _SPELLINGS |= {"n/mm2": "MPa", "kn/m2": "kPa"}
 _SPELLINGS |= {"°": "deg", "degree": "deg", "degrees": "deg"}
+_SPELLINGS |= {"": "1", "-": "1", "–": "1", "mm/mm": "1"}
 # In small or in large letters these would be other units, or none.
 _AS_WRITTEN = {"mpa", "mn", "un", "n", "nm", "m"}
 # Grams are a mass; balances show forces in grams.
 _GRAMS = {"g", "gr", "gram", "grams", "gramm"}
-_RATIOS = {"": 1.0, "1": 1.0, "-": 1.0, "–": 1.0, "mm/mm": 1.0, "%": 0.01}
 
 
 class Unit(NamedTuple):
@@ -64,8 +62,6 @@ def known_unit(spelling: str, dimension: str) -> Unit | None:
     # The ordinal mark looks like the sign of degrees, and is typed for it.
     plain = unicodedata.normalize("NFKC", spelling.replace("º", "°")).replace("μ", "u")
     plain = re.sub(r"[\s_^]|\*\*", "", plain)
-    if dimension == "ratio":
-        return Unit(spelling, dimension, _RATIOS[plain]) if plain in _RATIOS else None
     power = POWERS.get(dimension, 1)
     if power > 1:
         plain, digit = plain[:-1], plain[-1:]
@@ -81,7 +77,7 @@ def known_unit(spelling: str, dimension: str) -> Unit | None:
 
 def is_unit(spelling: str) -> bool:
     """Return True for a unit of any dimension."""
-    return any(known_unit(spelling, dimension) for dimension in (*_BASIC, *POWERS, "ratio"))
+    return any(known_unit(spelling, dimension) for dimension in (*_BASIC, *POWERS))
 
 
 def expected_units(spelling: str, dimension: str) -> str:
@@ -107,7 +103,7 @@ def _factor(unit: str, dimension: str, keyword: str) -> float:
         raise ValueError(f"{keyword}={shown(unit)} does not measure {dimension}; {expected}")
     factor = float(registry.Quantity(1.0, given).m_as(internal))
     known = [registry.Quantity(1.0, name).m_as(internal) for name in UNITS[dimension]]
-    if not any(math.isclose(factor, other, rel_tol=_ROUNDING) for other in known):
+    if not any(math.isclose(factor, other) for other in known):
         raise ValueError(
             f"{keyword}={shown(unit)} is a unit of {dimension} that is not used; {expected}"
         )

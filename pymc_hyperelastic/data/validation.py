@@ -5,12 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
-from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.messages import MOST_LISTED, PACKAGE
 
 Check = Literal["warn", "raise", "ignore"]
-
-# Problems that one message lists.
-_MOST_LISTED = 20
 
 
 def check_known(check: Check) -> None:
@@ -84,7 +81,7 @@ def refuse(problems: Sequence[str]) -> None:
     if len(problems) == 1:
         raise ValueError(problems[0])
     if problems:
-        lines = [f"- {problem}" for problem in problems[:_MOST_LISTED]]
-        if len(problems) > _MOST_LISTED:
-            lines.append(f"- and {len(problems) - _MOST_LISTED} more")
+        lines = [f"- {problem}" for problem in problems[:MOST_LISTED]]
+        if len(problems) > MOST_LISTED:
+            lines.append(f"- and {len(problems) - MOST_LISTED} more")
         raise ValueError("\n".join([f"{len(problems)} problems:", *lines]))

@@ -24,6 +24,8 @@ STRESS_MEASURE = "stress_measure"
 STRESS_MEASURES = ("cauchy", "nominal")
 # Labels of tests if an experiment holds several curves.
 OPTIONAL_LABELS = ("cycle", "phase")
+# Labels that together name a test.
+TEST_LABELS = ("specimen", "experiment", *OPTIONAL_LABELS)
 # Coordinates of points.
 POINTS = {
     "test": "experiment that the point belongs to",

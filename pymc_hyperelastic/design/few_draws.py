@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.special import log_softmax, logsumexp
+from scipy.special import log_softmax, logsumexp, softmax
 
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE
 from pymc_hyperelastic.classes.reference import near_class, one_draw
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
@@ -19,33 +20,14 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
 from pymc_hyperelastic.evidence.path import Reference
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
+from pymc_hyperelastic.evidence.target import gradient_by_differences
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 Array = NDArray[np.float64]
 
-# Fraction of a proposal's draws that come from the class itself: it bounds weights in the tails.
-_OF_CLASS = 0.25
-# Largest number of components of a proposal: further ones have little weight.
-_COMPONENTS = 60
-# Factor by which the variances of a fitted proposal are enlarged, against large weights.
-_WIDER = 1.2
-# Degrees of freedom of the proposal's Student distributions: their tails are heavier than normal.
-_FREEDOM = 6.0
-# Fraction of a class's draws that must be effective.
+# Fraction of a class's draws that must be effective, and to which a proposal is fitted.
 _EFFECTIVE = 0.25
-# Class probability below which the number of effective draws is not checked.
-_IMPROBABLE = 1e-3
-# Largest number of repetitions; each doubles the draws of a class with too few effective draws.
-_MOST_ROUNDS = 3
-# Effective draws per dimension to which a proposal is fitted.
-_FOR_SHAPE = 4
-# Largest fraction of effective draws to which tempering aims for such a fit.
-_MOST_FOR_SHAPE = 0.5
-# Draws of the prior per draw of a proposal; the best is the starting point of the optimisation.
-_DRAWS_OF_PRIOR = 20
-# Step of central differences of a log prior, in posterior standard deviations.
-_STEP = 1e-2
 
 
 class KnownClass(NamedTuple):
@@ -81,8 +63,8 @@ class FewDraws:
     standardised residuals of the tests are linear around the best specimen. The class is a mixture
     of normal distributions, and so is this posterior. The evidence of each class uses the draws of
     all proposals, weighted by the density of the mixture of the proposals. If a class has too few
-    effective draws, its proposal is fitted to the weighted draws; then all draws are replaced by
-    new ones.
+    effective draws, its proposal is fitted to the weighted draws, and the number of its draws is
+    doubled; then all draws are replaced by new ones. This is repeated at most three times.
 
     Attributes
     ----------
@@ -120,17 +102,17 @@ class FewDraws:
             target = sampler.target(data, sampler.prior(one_draw(known.near), tests))
             starts = start
             if starts is None:
-                starts = _best_of_prior(target, _DRAWS_OF_PRIOR * count, rng)
+                starts = _best_of_prior(target, count, rng)
             top = maximize_batch(target.derivatives, starts, target.prior_width)
-            self.proposals.append(Reference(_around(target, top, known), _OF_CLASS))
-        for _ in range(1 + _MOST_ROUNDS):
+            self.proposals.append(Reference(_around(target, top, known)))
+        for _ in range(1 + 3):
             self._draw(counts, rng)
             lacking = np.flatnonzero(self.effective < _EFFECTIVE * count)
             if not lacking.size:
                 break
             counts[lacking] *= 2
             for k in lacking.tolist():
-                self.proposals[k] = Reference(self._fitted(k, rng), _OF_CLASS)
+                self.proposals[k] = Reference(self._fitted(k, rng))
 
     def _draw(self, counts: Array, rng: np.random.Generator) -> None:
         """Draw points from all proposals, and compute their weights for each class."""
@@ -145,17 +127,15 @@ class FewDraws:
         self.log_terms = self._target.score(self.points)[1] + of_classes - log_proposal
         probability = np.exp(log_softmax(self._log_prior + logsumexp(self.log_terms, axis=1)))
         effective = [effective_sample_size(terms) for terms in self.log_terms]
-        self.effective = np.where(probability < _IMPROBABLE, np.inf, effective)
+        self.effective = np.where(probability < NEGLIGIBLE, np.inf, effective)
 
     def _fitted(self, k: int, rng: np.random.Generator) -> GaussianMixture:
         """Fit a mixture to the draws weighted for class `k`, tempered for enough effective ones."""
         possible = np.isfinite(self.log_terms[k])
         points, log_terms = self.points[possible], self.log_terms[k, possible]
-        fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)
-        tempered = largest_step(log_terms, fraction, 1.0) * log_terms
+        tempered = largest_step(log_terms, _EFFECTIVE, 1.0) * log_terms
         current = self.proposals[k].mixture
-        fitted = expectation_maximisation(points, tempered, rng, current)
-        return fitted.widened(_WIDER, _FREEDOM)
+        return expectation_maximisation(points, tempered, rng, current).heavy_tailed()
 
 
 def _best_of_prior(target: SpecimenTarget, count: int, rng: np.random.Generator) -> Array:
@@ -200,14 +180,17 @@ def _around(target: SpecimenTarget, top: Maxima, known: KnownClass) -> GaussianM
 
     For a component ``N(m, P⁻¹)`` of the class, and a log likelihood with the gradient ``g`` and the
     negative Hessian ``H`` at ``x``, the posterior is ``N(V (P m + H x + g), V)`` with
-    ``V = (P + H)⁻¹``.
+    ``V = (P + H)⁻¹``. The result is a distribution with the mean and the covariance of the mixture
+    of these posteriors.
     """
-    (x,), (width,) = top.points, top.widths
+
+    def log_prior(points: Array) -> tuple[Array, Array]:
+        return target.prior.log_density(points), np.zeros(len(points))
+
     _, (gradient,), curvatures = target.derivatives(top.points, top.widths)
     curvature = np.asarray(curvatures)[0] - np.diag(target.prior_width**-2.0)
-    steps, log_prior = np.diag(_STEP * width), target.prior.log_density
-    of_prior = (log_prior(x + steps) - log_prior(x - steps)) / (2 * _STEP * width)
-    pull = curvature @ x + gradient - of_prior
+    (of_prior,) = gradient_by_differences(log_prior)(top.points, top.widths).gradient
+    pull = curvature @ top.points[0] + gradient - of_prior
     means, precisions = known.means, known.precisions
     after = np.linalg.inv(precisions + curvature)
     pulled = (precisions @ means[..., None])[..., 0]
@@ -218,7 +201,8 @@ def _around(target: SpecimenTarget, top: Maxima, known: KnownClass) -> GaussianM
         + np.sum(middle * (pulled + pull), axis=1) / 2
         - np.sum(means * pulled, axis=1) / 2
     )
-    most = np.argsort(-log_weight)[:_COMPONENTS]
-    roots = np.linalg.cholesky(after[most])
-    mixture = GaussianMixture(log_softmax(log_weight[most]), middle[most], roots)
-    return mixture.widened(_WIDER, _FREEDOM)
+    weight = softmax(log_weight)
+    mean = weight @ middle
+    covariance = np.tensordot(weight, after, 1) + (weight * (middle - mean).T) @ (middle - mean)
+    root = np.linalg.cholesky(covariance)
+    return GaussianMixture(np.zeros(1), mean[None], root[None]).heavy_tailed()

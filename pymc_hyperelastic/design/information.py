@@ -12,31 +12,24 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.classification import class_prior_of
-from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, known_quantities
 from pymc_hyperelastic.design.planned_tests import Defaults, Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens, check_given
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.convergence import FEWEST_EFFECTIVE
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import LARGEST_ERROR
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Effective inner draws below which the evidence of a class for a specimen counts as unreliable.
-_ENOUGH = 20
 #: Fraction of specimens with fewer effective draws above which there is a warning.
 MOST_UNSURE = 0.05
-# Change of the information with half of the inner draws above which there is a warning, nats.
-_BIASED = 0.02
-# The same in standard errors of the change: both limits must be exceeded.
-_ERRORS = 3.0
-# Number of simulated specimens for the density of a quantity before the tests.
-_BEFORE = 2000
 
 
 @one_thread
@@ -137,7 +130,7 @@ def expected_information(
         are simulated also if they are improbable, and their specimens have small weights.
 
         ``lacking`` : fraction of specimens that cannot bear the tests. ``unsure`` : fraction of
-        specimens with fewer than 20 effective inner draws for some class that is not negligible.
+        specimens with fewer than 40 effective inner draws for some class that is not negligible.
 
         ``tests`` : description of the tests of each design.
 
@@ -204,7 +197,8 @@ def expected_information(
     >>> found["design"].values.tolist()
     ['curve', 'one point']
     """
-    kind = _kind(classes)
+    why = "expected_information needs classes whose specimens differ"
+    kind = kind_of_variable_classes(classes, why)
     names = list(classes.children)
     check_count("specimens", specimens, 10)
     check_count("draws", draws, 32)
@@ -218,43 +212,27 @@ def expected_information(
     planned = {str(n): as_design(str(n), d, defaults) for n, d in designs.items()}
     quantities = [] if about == "class" else [about]
     at = complete_conditions(classes, quantities, at, one_pressure=True)
-    log_prior = _log_prior(names, class_prior)
-    simulation = Simulation(kind, classes, at, given, log_prior, draws)
+    prior = class_prior_of(class_prior, names)
+    if not (prior > 0).all():
+        raise ValueError(f"class_prior must be positive for each class; got {class_prior}")
+    simulation = Simulation(kind, classes, at, given, np.log(prior), draws)
     seeds = np.random.SeedSequence(random_seed).spawn(3)
     if about != "class":
         # Before the trials, which take minutes: a quantity may lack the tube that it needs.
-        of_prior = simulation.specimens(_BEFORE, 1, seeds[2], rare=False)
+        of_prior = simulation.specimens(simulation.many, 1, seeds[2], rare=False)
         before = simulation.quantity(about, of_prior)
     tried = simulation.specimens(specimens, max(map(len, planned.values())), seeds[0])
-    trials = {}
-    for name, design in planned.items():
-        trials[name] = simulation.trial(name, design, tried, np.random.default_rng(seeds[1]))
-    gains = np.stack([[t.gain, t.of_half] for t in trials.values()], axis=1)
-    if about != "class":
-        gains = np.stack(
-            [simulation.quantity_gains(about, tried, before, t) for t in trials.values()], axis=1
-        )
-    effective = np.stack([t.effective for t in trials.values()])
-    result = _result(planned, gains, effective, tried, names, about, stop_below)
+    trials = [
+        simulation.trial(name, design, tried, np.random.default_rng(seeds[1]))
+        for name, design in planned.items()
+    ]
+    gains = [
+        trial.gains if about == "class" else simulation.quantity_gains(about, tried, before, trial)
+        for trial in trials
+    ]
+    effective = np.stack([trial.effective for trial in trials])
+    result = _result(planned, np.stack(gains, axis=1), effective, tried, names, about, stop_below)
     return result.assign_attrs(strain_energy=labels_of([kind])[0], **origin_of(classes))
-
-
-def _kind(classes: Any) -> HierarchicalClass:
-    if not isinstance(classes, xr.DataTree):
-        raise TypeError(
-            "classes must be a result of ph.fit_classes, for one strain energy, not "
-            f"{type(classes).__name__}"
-        )
-    return kind_of_variable_classes(
-        classes, "expected_information needs classes whose specimens differ"
-    )
-
-
-def _log_prior(names: list[str], given: Mapping[str, float] | None) -> Array:
-    prior = class_prior_of(given, names)
-    if not (prior > 0).all():
-        raise ValueError(f"class_prior must be positive for each class; got {given}")
-    return np.log(prior)
 
 
 def _result(
@@ -277,7 +255,7 @@ def _result(
     best = int(np.nanargmax(information.round(DIGITS)))
     difference, difference_se = _mean_and_error(gain - gain[best], tried)
     change, change_se = _mean_and_error(gain - of_half, tried)
-    unsure = np.sum(effective < _ENOUGH, axis=1) / counted.sum(axis=1)
+    unsure = np.sum(effective < FEWEST_EFFECTIVE, axis=1) / counted.sum(axis=1)
     dims = "design"
     result = xr.Dataset(
         {
@@ -301,11 +279,11 @@ def _result(
     for name, share in zip(planned, unsure, strict=True):
         if share > MOST_UNSURE:
             warn_user(
-                f"design {name!r}: {share:.0%} of the specimens have fewer than {_ENOUGH} "
+                f"design {name!r}: {share:.0%} of the specimens have fewer than {FEWEST_EFFECTIVE} "
                 "effective draws, so that their information is unreliable: increase draws"
             )
     for name, moved, its_error in zip(planned, change, change_se, strict=True):
-        if abs(moved) > max(_BIASED, _ERRORS * its_error):
+        if abs(moved) > max(LARGEST_ERROR, 3 * its_error):  # neither small, nor by chance
             warn_user(
                 f"design {name!r}: the information changes by {moved:.3f} nats if half of the "
                 "draws are left out, and is at best as accurate as that: increase draws"

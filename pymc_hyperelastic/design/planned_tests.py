@@ -25,21 +25,17 @@ from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.draws import draws_of, stated_geometry
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.quantities import SHEET_VARIABLES, STRESSES
+from pymc_hyperelastic.rounding import ROUNDING
 
 Array = NDArray[np.float64]
 Arrays = Mapping[str, Array]
 
-# Number of points of a test by default.
-_POINTS = 20
 # Settings that a user may give of a test of a tube.
 _OF_TUBE = ("pressure", "radius", "pressure_unit", "axial_stretch", "points", "force", "tube")
 # Settings that a user may give of a test of a sheet.
 _OF_SHEET = ("stretch_x", "stretch_y", "stress_measure", "points")
 # Variables of the data that are measured, and so simulated.
 _MEASURED = ("pressure", "axial_force", *STRESSES)
-# Pressure below which a tube counts as not inflated, kPa: 0 up to rounding errors. A test at a held
-# radius needs a larger one.
-_NO_PRESSURE = 1e-9
 
 
 class Defaults(NamedTuple):
@@ -133,7 +129,7 @@ class PlannedTube(NamedTuple):
         if self.control == "pressure":
             return drawn.tube.radius_at(self.held)[0]
         pressure = drawn.tube.pressure(self.held)[0][0]
-        return np.where(pressure > _NO_PRESSURE, self.held, np.nan)
+        return np.where(pressure > ROUNDING, self.held, np.nan)  # a larger one inflates the tube
 
 
 class PlannedSheet(NamedTuple):
@@ -219,7 +215,7 @@ def _as_test(label: str, given: Any, defaults: Defaults) -> PlannedTube | Planne
             f"that its information cannot be computed: plan tests of {other}s, or fit the classes "
             f"to {kind}s as well, with a {error}"
         )
-    points = given.get("points", _POINTS)
+    points = given.get("points", 20)
     check_count(f"{label}: points", points, 1)
     return (_as_sheet if of_sheet else _as_tube)(label, given, points, defaults)
 

@@ -20,25 +20,17 @@ from pymc_hyperelastic.classes.quantities import (
     unit_of,
     values_of,
 )
+from pymc_hyperelastic.classes.reference import near_class, one_draw
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
 Array = NDArray[np.float64]
-
-# Numbers of specimens per group by default, in about equal steps of the logarithm.
-_SIZES = (4, 6, 8, 12, 20, 40)
-# Standard deviations of the normal prior from which a specimen's likelihood is isolated, relative
-# to its class: wider than the class, so that the curves dominate.
-_WIDENING = 1.5
-# Largest ratio of posterior to prior variance of a specimen in any direction: it keeps the
-# covariance of its likelihood finite where the curves have no information.
-_LARGEST_RATIO = 0.99
 
 
 class _Pilot(NamedTuple):
@@ -72,7 +64,7 @@ class _Known(NamedTuple):
 def plan_study(
     classes: xr.DataTree,
     quantity: str | Sequence[str],
-    specimens: Sequence[int] = _SIZES,
+    specimens: Sequence[int] = (4, 6, 8, 12, 20, 40),
     *,
     at: Conditions | float | None = None,
     relevant: float = 0.0,
@@ -179,10 +171,6 @@ def plan_study(
     >>> bool(few > many)
     True
     """
-    if not isinstance(classes, xr.DataTree):
-        raise TypeError(
-            f"classes must be a result of ph.fit_classes, the pilot, not {type(classes).__name__}"
-        )
     kind, groups = kind_of_groups(classes), groups_of([classes])
     names = [quantity] if isinstance(quantity, str) else list(quantity)
     check_quantities(names, [kind])
@@ -264,21 +252,23 @@ def _error(draws: Any, distributions: ClassDistribution) -> Array:
     For a normal prior with the covariance ``F``, wider than the class, the posterior has the
     covariance ``C``; that of the likelihood is ``(C⁻¹ − F⁻¹)⁻¹``. Differences between the tests of
     the specimen add to it.
+
+    A ratio of variances that is estimated from ``n`` draws has the standard error ``(2/n)^(1/2)``.
+    Ratios of ``C`` to ``F`` are therefore bounded below 1, which keeps the covariance finite where
+    the curves have no information.
     """
-    covariance = distributions.covariance().mean(axis=0)
-    location = np.asarray(distributions.location)[..., 0]
-    wide = _WIDENING**2 * (covariance + np.cov(location).reshape(covariance.shape))
-    within = np.zeros_like(covariance)
-    if distributions.experiment_spread is not None:
-        within = np.diag(distributions.variance_of_tests().mean(axis=0)) / draws.tests
-    middle = location.mean(axis=1)[:, None, None]
-    around = ClassDistribution(middle, (), ()).with_covariance(wide[None], middle)
+    d = distributions
+    around = one_draw(near_class(ClassDistribution(d.location, d.spread, d.factor)))
+    (wide,) = around.covariance()
+    within = np.zeros_like(wide)
+    if d.experiment_spread is not None:
+        within = np.diag(d.variance_of_tests().mean(axis=0)) / draws.tests
     weights = special.softmax(draws.log_weight + log_densities(draws, around)[0])
-    posterior = np.cov(draws.centre, aweights=weights, ddof=0).reshape(covariance.shape)
+    posterior = np.cov(draws.centre, aweights=weights, ddof=0).reshape(wide.shape)
     root = np.linalg.cholesky(wide)
     inverse = np.linalg.inv(root)
     ratios, directions = np.linalg.eigh(inverse @ posterior @ inverse.T)
-    ratios = ratios.clip(0, _LARGEST_RATIO)
+    ratios = ratios.clip(0, 1 - np.sqrt(2 / len(weights)))
     of_curves = (directions * (ratios / (1 - ratios))) @ directions.T
     return root @ of_curves @ root.T + within
 

@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import log_softmax, logsumexp, softmax
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
+from pymc_hyperelastic.classes.interface import NEGLIGIBLE
 from pymc_hyperelastic.classes.quantities import MOST_LACKING, values_of
 from pymc_hyperelastic.classes.reference import fresh_specimens, reference_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
@@ -27,26 +28,16 @@ from pymc_hyperelastic.design.planned_tests import (
     with_radii,
     words_of,
 )
+from pymc_hyperelastic.evidence.importance import LARGEST_ERROR
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.rounding import DIGITS
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution from which specimens are simulated, and over which their density
-# is averaged. Both use the same draws: otherwise a specimen from the tail of one of them could have
-# a density of almost 0.
-_DISTRIBUTIONS = 400
-# Weight of the density before the test in the density of a quantity after it: the kernel density of
-# few draws would be almost 0 in its tails.
-_AS_BEFORE = 0.02
 # Fraction of specimens that cannot bear a design above which it is refused.
 _TOO_MANY_LACKING = 0.2
-# Number of draws for the density of a quantity after a test.
-_AFTER = 256
-# Class probability below which a class is not simulated: its part of the information is as small.
-_NEGLIGIBLE = 1e-6
 
 
 class Specimens(NamedTuple):
@@ -69,10 +60,8 @@ class Specimens(NamedTuple):
 class Trial(NamedTuple):
     """Results of one design; NaN for specimens that cannot bear its tests."""
 
-    gain: Array
-    """Information about the class, nats, (specimen,)."""
-    of_half: Array
-    """The same with half of the inner draws."""
+    gains: Array
+    """Information about the class, nats, (2, specimen): with all inner draws, and with half."""
     effective: Array
     """Smallest number of effective draws of any class, (specimen,)."""
     materials: list[Array]
@@ -96,7 +85,11 @@ class Simulation:
     ) -> None:
         self._kind, self._at, self._given, self._draws = kind, at, given, draws
         self._log_prior = log_prior
-        self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
+        # Draws before the planned tests, which all trials share.
+        self.many = 10 * draws
+        # Specimens are simulated from the draws over which their density is averaged. Otherwise a
+        # specimen from the tail of one of them could have a density of almost 0.
+        self._classes = [distributions_of(fitted) for fitted in classes.children.values()]
 
     def specimens(
         self, count: int, tests: int, seed: np.random.SeedSequence, *, rare: bool = True
@@ -122,7 +115,7 @@ class Simulation:
     def _like_given(self, count: int, rng: np.random.Generator, rare: bool) -> Specimens:
         """Draw specimens from the posterior given the earlier tests."""
         sampler, draw = self._inner(self._given)
-        drawn = draw(self._given, None, 10 * self._draws, rng)
+        drawn = draw(self._given, None, self.many, rng)
         terms = drawn.log_terms
         log_before = log_softmax(self._log_prior + logsumexp(terms, axis=1))
         truth = _truths(np.exp(log_before), count, rare)
@@ -154,9 +147,9 @@ class Simulation:
             for j, step in enumerate((1, 2)):
                 gains[j, i] = self._gain(drawn.log_terms[:, ::step], tried, int(i))
             log_weight = logsumexp(drawn.log_terms + self._log_prior[:, None], axis=0)
-            chosen = rng.permutation(_in_proportion(softmax(log_weight), _AFTER))
+            chosen = rng.permutation(_in_proportion(softmax(log_weight), self._draws))
             materials[i] = sampler.draws_at(drawn.points[chosen]).centre
-        return Trial(gains[0], gains[1], effective, materials)
+        return Trial(gains, effective, materials)
 
     def _gain(self, terms: Array, tried: Specimens, i: int) -> float:
         """Return the log probability of the true class after the test, minus that before."""
@@ -187,9 +180,13 @@ class Simulation:
 
         `prior` has the quantity of specimens before the tests. The first row of the result uses all
         draws after the test, the second one half of them.
+
+        The density before the test has a small weight in that after it, because the kernel density
+        of few draws is almost 0 in its tails. The weight lowers the information by at most the
+        error in nats that counts as accurate.
         """
         truth = self.quantity(name, tried)
-        possible = np.flatnonzero(np.isfinite(trial.gain) & np.isfinite(truth))
+        possible = np.flatnonzero(np.isfinite(trial.gains[0]) & np.isfinite(truth))
         after = self._values(name, np.stack([trial.materials[i] for i in possible], axis=1))
         prior = prior[np.isfinite(prior)]
         if min(np.nanmin(after), prior.min()) > 0:
@@ -199,7 +196,7 @@ class Simulation:
             for i, of_one in zip(possible, after, strict=True):
                 posterior = of_one[np.isfinite(of_one)][::step]
                 before_test, after_test = (_log_density(x, truth[i]) for x in (prior, posterior))
-                mixed = np.log(_AS_BEFORE) + before_test, np.log1p(-_AS_BEFORE) + after_test
+                mixed = np.log(LARGEST_ERROR) + before_test, np.log1p(-LARGEST_ERROR) + after_test
                 gains[j, i] = np.logaddexp(*mixed) - before_test
         return gains
 
@@ -210,7 +207,7 @@ def _truths(chance: Array, count: int, rare: bool) -> NDArray[np.intp]:
     An improbable class may have most of the information: a test that finds it gains much.
     """
     if rare:
-        possible = chance > _NEGLIGIBLE
+        possible = chance > NEGLIGIBLE
         chance = (chance + possible / possible.sum()) / 2
     return _in_proportion(chance / chance.sum(), count)
 

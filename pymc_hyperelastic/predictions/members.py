@@ -19,6 +19,7 @@ from pymc_hyperelastic.evidence.stored import (
     read_group,
     reading,
 )
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
 from pymc_hyperelastic.models.geometry import (
     changed_measures,
@@ -35,7 +36,6 @@ from pymc_hyperelastic.models.settings import (
     wall_of,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
-from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.stored import read_numbers
+from pymc_hyperelastic.messages import warn_user
 from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import SEED
 from pymc_hyperelastic.quantities import QUANTITIES
 

@@ -30,13 +30,12 @@ def test_long_values_of_settings_are_shortened_in_messages(settings, written):
 
 TOML = {
     "key of many parts": ".".join("a" * 50_000) + " = 1\n",
-    "large": "# remark\n" * 30_000,
     "nested": "a = " + "[" * 990,
 }
 
 
 @pytest.mark.parametrize("toml", TOML.values(), ids=TOML)
-def test_settings_that_are_too_large_or_nested_are_refused_in_few_letters(toml, written):
+def test_settings_with_too_long_or_nested_keys_are_refused_in_few_letters(toml, written):
     message = message_of(written, f"{HEAD}\n{ROWS}", toml=toml)
     assert message.startswith("study.toml is no") and len(message) < LONGEST
 
@@ -46,10 +45,10 @@ TABLES = {
     "cell": (f"{HEAD}\nS,1,{LONG},1\n", "line 2: 'radius_mm' is 'yyy.*…', not a number"),
     "name": (f"{HEAD},{LONG} [mm]\n", "ends with the names of columns"),
     "names": (
-        ",".join(f"n{i}" for i in range(20_000)) + "\nS,2\n", "'n29' and 19970 others, and no",
+        ",".join(f"n{i}" for i in range(15_000)) + "\nS,2\n", "'n29' and 14970 others, and no",
     ),
     "lines": (
-        f"{HEAD}\n" + "S,1,7,x\nS,1,7,1\n" * 500, "lines 2, 4, .*, 20 and 490 more: 'pressure_kPa'",
+        f"{HEAD}\n" + "S,1,7,x\nS,1,7,1\n" * 500, "lines 2, 4, .*, 60 and 470 more: 'pressure_kPa'",
     ),
     "quotation mark": (f'{HEAD}\n"S' + "\n,1" * 100_000, "is there a quotation mark that is not"),
 }  # fmt: skip
@@ -59,17 +58,17 @@ TABLES = {
 def test_long_cells_names_and_line_numbers_are_shortened_in_messages(table, expected, written):
     with pytest.raises(ValueError, match=expected) as error:
         written(table)
-    # The note of the error describes the columns, of which it lists at most 100 unused ones.
+    # The note of the error describes the columns, of which it lists at most 30 unused ones.
     for text in (str(error.value), *getattr(error.value, "__notes__", ())):
         assert len(text) < LONGEST
 
 
-def test_file_with_an_endless_line_is_refused_without_reading_it_all(tmp_path):
+def test_endless_file_is_refused_without_reading_it_all(tmp_path):
     path = tmp_path / "a.csv"
     with path.open("wb") as file:
         file.truncate(10**12)  # takes no space on the disk
     message = message_of(ph.read_tests, path)
-    assert message.startswith("a.csv has a line of more than 1 million bytes")
+    assert message.startswith("a.csv has more than 268 million bytes")
 
 
 def test_message_counts_specimens_without_points_beyond_thirty(written):

@@ -181,7 +181,7 @@ def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
         [[0.1, 0.3, 0.2, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9, 0.7], [0.0, 0.4, 0.0, 0.0, 0.0]]
     )
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
-    effective = np.array([[30.0] * 5, [20, 20, np.nan, 20, 20], [19, 30, 30, 30, 30]])
+    effective = np.array([[60.0] * 5, [40, 40, np.nan, 40, 40], [39, 60, 60, 60, 60]])
     tried = trials.Specimens({}, np.array([0, 0, 1, 1, 1]), np.log([0.25, 0.75]))
     np.testing.assert_allclose(tried.weights, [0.125, 0.125, 0.25, 0.25, 0.25])
     with pytest.warns(UserWarning) as warned:
@@ -208,7 +208,7 @@ def test_means_errors_and_warnings_equal_values_computed_by_hand(classes):
     assert found.attrs["words"] == words
     messages = [str(each.message) for each in warned]
     assert len(messages) == 2
-    assert messages[0].startswith("design 'c': 20% of the specimens have fewer than 20 effective")
+    assert messages[0].startswith("design 'c': 20% of the specimens have fewer than 40 effective")
     assert messages[1].startswith("design 'b': the information changes by 0.300 nats")
     # The density of a normal distribution by its quantiles.
     draws = stats.norm.ppf((np.arange(400) + 0.5) / 400)

@@ -174,7 +174,7 @@ def test_wrong_settings_and_pilots_are_refused(classes):
     ):
         with pytest.raises(ValueError, match=message):
             plan(classes, **settings)
-    with pytest.raises(TypeError, match=r"classes must be a result of ph.fit_classes, the pilot"):
+    with pytest.raises(TypeError, match=r"expected the DataTree of ph.fit_classes, not list"):
         plan([classes])
     own = {"spread": pm.LogNormal.dist(-1.0, 0.5, shape=1)}
     with pytest.raises(ValueError, match=r"user-defined priors, of \['spread'\]"):

@@ -30,7 +30,7 @@ PYTHON_ERRORS = re.compile(
 )
 TUBE = ph.Tube(7.0, 9.0, axial_stretch=1.0, opening_angle=0.0)
 AT = ph.Conditions([2.0], tube=TUBE)
-FEW = {"specimens": 10, "draws": 32, "random_seed": 1}
+FEW = {"specimens": 10, "draws": 64, "random_seed": 1}
 Groups = dict[str, xr.Dataset]
 
 

@@ -12,7 +12,7 @@ DESIGNS = {"one": {"radius": 8.0, "points": 1}, "many": {"radius": (7.3, 9.0)}}
 
 @pytest.fixture(scope="module")
 def result():
-    settings = {"specimens": 10, "draws": 32, "random_seed": 1, "stop_below": 0.1}
+    settings = {"specimens": 10, "draws": 64, "random_seed": 1, "stop_below": 0.1}
     return ph.expected_information(fits.fit("neo_hookean_classes"), DESIGNS, **settings)
 
 

@@ -146,7 +146,7 @@ def test_difference_table_equals_compare_classes(page, results):
 @pytest.mark.filterwarnings("ignore:design .* of the specimens cannot bear it")
 def test_planned_tests_are_ranked_by_information(write, write_words):
     planned = {"point": {"pressure": 0.5, "points": 1}, "curve": {"pressure": (1, 6)}}
-    settings = {"specimens": 20, "draws": 32, "stop_below": 0.1, "random_seed": 1}
+    settings = {"specimens": 20, "draws": 64, "stop_below": 0.1, "random_seed": 1}
     designs = ph.expected_information(fits.fit("neo_hookean_classes"), planned, **settings)
     near = designs.assign(difference_se=("design", [0.0, 10.0]), lacking=("design", [0.0, 0.07]))
     page = write({"Tests": near})

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Literal, NamedTuple
 
 from pymc_hyperelastic.data.units import Unit, is_unit, known_unit
+from pymc_hyperelastic.messages import LONGEST_TEXT
 from pymc_hyperelastic.quantities import (
     DIAMETERS,
     IN_SHEET_TABLES,
@@ -19,10 +20,6 @@ from pymc_hyperelastic.quantities import (
 
 # Columns that tables of points need, besides a radius or a diameter.
 NEEDED = ("specimen", "experiment", "pressure")
-_KNOWN = {name: (name, 1.0) for name in IN_TABLES}
-_KNOWN |= {other: (name, 1.0) for name, others in SPELLINGS.items() for other in others.split()}
-_KNOWN |= {other: (name, 0.5) for name, others in DIAMETERS.items() for other in others.split()}
-
 # A name that people who keep tables give to a specimen, and pressure myographs to a diameter; and a
 # strain, which has several definitions.
 TWO_MEANINGS = {"id": ("specimen", "inner_diameter")}
@@ -35,16 +32,19 @@ LOADS = [name for name in OF_SHEETS if name.endswith(("stress", "force"))]
 _LOADS = {f"{load}{end}" for load in LOADS for end in ("", "_x", "_y")}
 Points = Literal["tubes", "sheets", ""]
 
-# Letters of a name with its unit; a longer header is a remark.
-_LONGEST_NAME = 80
-
 
 class Heading(NamedTuple):
-    """The meaning of a column: its name in the package, a factor, and the unit in its header."""
+    """The meaning of a column: its name in the package, and the unit in its header."""
 
     name: str
-    scale: float = 1.0
     unit: str | None = None
+    is_diameter: bool = False
+    """True if it holds diameters, and the quantity is a radius."""
+
+    @property
+    def scale(self) -> float:
+        """The factor of its numbers."""
+        return 0.5 if self.is_diameter else 1.0
 
     @property
     def dimension(self) -> str:
@@ -57,21 +57,29 @@ class Heading(NamedTuple):
         return self.dimension == "label"
 
 
+_KNOWN = {name: Heading(name) for name in IN_TABLES}
+_KNOWN |= {other: Heading(name) for name, others in SPELLINGS.items() for other in others.split()}
+_KNOWN |= {
+    other: Heading(name, is_diameter=True)
+    for name, others in DIAMETERS.items()
+    for other in others.split()
+}
+
+
 def heading(text: str) -> Heading | None:
     """The meaning of a column by its header, or None if the name is not known.
 
     Examples
     --------
     >>> heading("Pressure (mmHg)")
-    Heading(name='pressure', scale=1.0, unit='mmHg')
+    Heading(name='pressure', unit='mmHg', is_diameter=False)
     >>> heading("inner diameter / µm")
-    Heading(name='radius', scale=0.5, unit='µm')
+    Heading(name='radius', unit='µm', is_diameter=True)
     """
     for name, unit in _readings(text):
         if known := _KNOWN.get(comparable(name)):
-            found = Heading(*known, unit)
-            if not (found.is_label and unit is not None):
-                return found
+            if not (known.is_label and unit is not None):
+                return known._replace(unit=unit)
     return None
 
 
@@ -103,7 +111,7 @@ def allowed(points: Points, kinds: Collection[Points]) -> set[str]:
 
 def names_of(name: str) -> list[str]:
     """Names by which a column is known, its own first, as messages list them."""
-    return [other.replace("_", " ") for other, (known, _) in _KNOWN.items() if known == name]
+    return [other.replace("_", " ") for other, known in _KNOWN.items() if known.name == name]
 
 
 def comparable(text: str) -> str:
@@ -125,7 +133,7 @@ def unit_in(text: str, dimension: str) -> Unit | None:
 def _readings(text: str) -> list[tuple[str, str | None]]:
     """Ways to divide a name into name and unit."""
     text = " ".join(text.split())
-    if len(text) > _LONGEST_NAME:
+    if len(text) > LONGEST_TEXT:  # it is a remark
         return []
     readings: list[tuple[str, str | None]] = [(text, None)]
     if found := re.fullmatch(r"(.*?)\s*(?:\[(.*)\]|\((.*)\)|\{(.*)\})", text):

@@ -4,12 +4,8 @@ import numpy as np
 import pandas as pd
 
 from pymc_hyperelastic.data.columns import differ
-from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.validation import refuse
-from pymc_hyperelastic.messages import shown
-
-# Labels without points that are listed.
-_MOST_IDLE = 30
+from pymc_hyperelastic.messages import enumerated, listed, shown
 
 
 def named(keys: list[str], labels: tuple) -> str:
@@ -49,9 +45,8 @@ def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFram
             frame = _with_column(frame, name, table.iloc[at][name])
         idle = np.setdiff1d(np.arange(len(known)), at)
         if idle.size:
-            more = f" and {idle.size - _MOST_IDLE} others" if idle.size > _MOST_IDLE else ""
-            labels_of = ", ".join(named(keys, known[i]) for i in idle[:_MOST_IDLE])
-            words.append(f"not used, without points: {labels_of}{more}")
+            labels_of = enumerated(named(keys, known[i]) for i in idle)
+            words.append(f"not used, without points: {labels_of}")
     return frame, words
 
 

@@ -8,6 +8,10 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Literal
 
+import numpy as np
+
+from pymc_hyperelastic.messages import LONGEST_TEXT
+
 Decimal = Literal[".", ","]
 DECIMALS: dict[Decimal, str] = {".": "decimal points", ",": "decimal commas"}
 
@@ -39,9 +43,7 @@ _WITH_UNIT = re.compile(
     r"([+-]?[0-9.,](?:[0-9.,'’ ]*[0-9.,])?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s.,].*)"
 )
 # No measurement is larger, in any unit. Squares and cubes of smaller numbers are finite.
-LARGEST = 1e15
-# Letters of a cell that may be a number with a unit.
-_LONGEST = 60
+LARGEST = float(np.finfo(np.float32).max)
 
 
 def is_missing(cell: str) -> bool:
@@ -51,7 +53,7 @@ def is_missing(cell: str) -> bool:
 
 def split_unit(cell: str, is_unit: Callable[[str], object]) -> tuple[str, str | None]:
     """Number and unit of a cell, both as written, or the cell and None."""
-    found = len(cell) <= _LONGEST and _WITH_UNIT.fullmatch(cell)
+    found = len(cell) <= LONGEST_TEXT and _WITH_UNIT.fullmatch(cell)
     if found and is_unit(found[2]):
         return found[1], found[2]
     return cell, None
@@ -66,7 +68,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
     (1234.5, -0.2, None)
     """
     cell = cell.replace("−", "-")
-    if len(cell) > _LONGEST:
+    if len(cell) > LONGEST_TEXT:
         return None
     if not _PLAIN[decimal].fullmatch(cell):
         found = _GROUPED[decimal].fullmatch(cell)
@@ -80,7 +82,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
 def why_no_number(cell: str, decimal: Decimal) -> str:
     """Why a cell is not read as a number, and what to do."""
     other: Decimal = "," if decimal == "." else "."
-    if len(cell) > _LONGEST:
+    if len(cell) > LONGEST_TEXT:
         return "not a number: correct it, or delete the line"
     if _EITHER.fullmatch(cell):
         digits = re.sub(r"[.,]", "", cell)

@@ -8,14 +8,13 @@ from typing import Any, get_args
 
 from pymc_hyperelastic.data.files.headers import Heading, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
-from pymc_hyperelastic.data.files.text import SEPARATORS
-from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.files.text import LARGEST_FILE, SEPARATORS
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.order import Cycles
 from pymc_hyperelastic.data.table import MeasuredLength
 from pymc_hyperelastic.data.units import Unit, expected_units, known_unit
 from pymc_hyperelastic.mechanics.reference_tube import Convention, RadiiOf
-from pymc_hyperelastic.messages import in_one_line, shown
+from pymc_hyperelastic.messages import in_one_line, listed, shown
 from pymc_hyperelastic.quantities import IN_TABLES
 
 # Units of all columns of a dimension, as arguments of inflation_data are called.
@@ -37,11 +36,9 @@ _CHOICES = CONVENTIONS | {"decimal": tuple(DECIMALS), "separator": tuple(SEPARAT
 _NUMBERS = tuple(name for name, spec in IN_TABLES.items() if spec.dimension != "label")
 _SECTIONS = {"columns": tuple(IN_TABLES), "units": _NUMBERS, "constants": tuple(IN_TABLES)}
 _KEYS = (*_CHOICES, *UNIT_KEYS, "ignore", *_SECTIONS, "files", "likelihood")
-# Characters of a file of settings, and of a line of it: the memory that a TOML key takes grows with
-# the square of its parts.
-_LARGEST_FILE = 200_000
+# Characters of a line of a file of settings: the memory that a TOML key takes grows with the square
+# of its parts.
 _LONGEST_LINE = 1000
-
 
 # Labels, and numbers in the units of the package, that are the same in all rows.
 Constants = dict[str, float | str]
@@ -63,6 +60,10 @@ class Settings:
     likelihood: dict[str, str | float] = field(default_factory=dict)
     """Sizes of errors by name, for the command line."""
 
+    def constants_of(self, file: str) -> Constants:
+        """Constants of all files, and of this one."""
+        return self.constants | self.files.get(file, {})
+
     def unit_of(self, name: str) -> Unit | None:
         """Unit that is said for a column, or for all of its dimension."""
         return self.units.get(name, self.units_of_dimensions.get(IN_TABLES[name].dimension))
@@ -72,12 +73,13 @@ def read_settings(path: Path) -> Settings:
     """Settings of a TOML file. Raises ValueError if it is none, or has unknown keys."""
     try:
         with path.open(encoding="utf-8-sig") as file:
-            text = file.read(_LARGEST_FILE + 1)
+            text = file.read(LARGEST_FILE + 1)
         longest = max(map(len, text.splitlines()), default=0)
-        if len(text) > _LARGEST_FILE or longest > _LONGEST_LINE:
+        if len(text) > LARGEST_FILE or longest > _LONGEST_LINE:
             raise ValueError(
-                f"{path.name} is no file of settings: it has more than {_LARGEST_FILE} characters, "
-                f"or a line of more than {_LONGEST_LINE}; divide long lists between lines"
+                f"{path.name} is no file of settings: it has more than "
+                f"{LARGEST_FILE / 1e6:.0f} million characters, or a line of more than "
+                f"{_LONGEST_LINE}; divide long lists between lines"
             )
         stated = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:

@@ -5,19 +5,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from pymc_hyperelastic.data.columns import LABELS
 from pymc_hyperelastic.data.files.headers import LOADS, names_of
-from pymc_hyperelastic.data.files.join import joined
-from pymc_hyperelastic.data.files.settings import Settings
+from pymc_hyperelastic.data.files.settings import Constants, Settings
 from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.files.study import (
-    alike,
     constants_in_words,
     contents_in_words,
-    counted,
+    joined_tests,
     names_in_words,
     not_found,
-    scattered,
+    stated_twice,
     without_specimens,
 )
 from pymc_hyperelastic.data.sheet_columns import AXES, DEFORMATIONS, columns_of
@@ -52,16 +49,12 @@ def sheets_of_study(
     problems = [problem for table in tables for problem in table.problems]
     problems += not_found(tables, settings) + without_specimens(others)
     for table, frame in frames.items():
-        problems += _twice(table, settings) + (_missing(table, frame) or _unclear(table, frame))
+        problems += stated_twice(table, _constants(table, settings))
+        problems += _missing(table, frame) or _unclear(table, frame)
     refuse(problems)
     of_sheets = [table.frame.filter([*_LABELS, *IN_SHEET_TABLES]) for table in others]
-    frame, idle = joined(pd.concat(frames.values()), of_sheets)
-    for name in {"experiment", "cycle"} & {*frame}:
-        frame[name] = counted(frame[name])
-    tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
-    refuse(scattered(tests))
     measured = [name for of in (*DEFORMATIONS, *LOADS) for name in columns_of(of)]
-    refuse([] if check == "ignore" else alike(tests, measured))
+    frame, idle = joined_tests(list(frames.values()), of_sheets, measured, check)
     parts: dict[tuple[str, ...], list[pd.DataFrame]] = {}
     for of_table in frames.values():
         columns = [name for name in measured if name in of_table]
@@ -74,22 +67,15 @@ def sheets_of_study(
 
 def _with_constants(table: Table, settings: Settings) -> pd.DataFrame:
     """Points with the constants of the settings, and with columns that have no entry at all."""
-    constants = settings.constants | settings.files.get(table.file, {})
-    of_sheets = {n: x for n, x in constants.items() if n in IN_SHEET_TABLES | _LABELS}
     # The sheet is free along this axis, or no stress was measured along it.
     empty = {name: np.nan for name in table.headers if name not in {*table.frame, *_LABELS}}
-    return table.frame.assign(**empty | of_sheets)
+    return table.frame.assign(**empty | _constants(table, settings))
 
 
-def _twice(table: Table, settings: Settings) -> list[str]:
-    """Problems of constants that have a column too."""
-    constants = settings.constants | settings.files.get(table.file, {})
-    return [
-        f"{name} is {shown(value)} in the settings, and {table.file} has a column of it, "
-        f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
-        for name, value in constants.items()
-        if name in table.frame and name in IN_SHEET_TABLES | _LABELS
-    ]
+def _constants(table: Table, settings: Settings) -> Constants:
+    """Constants of the settings that sheets may have."""
+    constants = settings.constants_of(table.file)
+    return {name: x for name, x in constants.items() if name in IN_SHEET_TABLES | _LABELS}
 
 
 def _there(frame: pd.DataFrame, quantities: tuple[str, ...]) -> list[str]:

@@ -36,13 +36,11 @@ from pymc_hyperelastic.data.files.settings import UNIT_KEYS, Settings
 from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, no_rows
 from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.data.units import Unit, expected_units, known_unit
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.messages import enumerated, shown
 from pymc_hyperelastic.quantities import IN_SHEET_TABLES, IN_TABLES, UNITS
 
 # Columns of numbers of which some cells may be missing; sheet_data refuses those it needs.
 _MAY_BE_MISSING = {"axial_force", *IN_SHEET_TABLES}
-# Columns that are listed as not used.
-_MOST_UNUSED = 100
 
 
 class Column(NamedTuple):
@@ -150,9 +148,7 @@ def table_of(
     rows = f"{len(frame)} row{'s' * (len(frame) > 1)}"
     understood = [f"{sheet.file}: {sheet.form}, {DECIMALS[decimal]}, {rows}", *words]
     if unused:
-        others = len(unused) - _MOST_UNUSED
-        more = f" and {others} others" if others > 0 else ""
-        understood.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
+        understood.append(f"not used: {enumerated(unused)}")
     headers = {column.name: column.header for column in columns}
     text = "\n  ".join(understood)
     return Table(sheet.file, sheet.names, headers, units, frame, problems, text, points)
@@ -339,14 +335,14 @@ def _problems(sheet: Sheet, column: Column, why: Iterable[str]) -> list[str]:
 
 
 def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.float64]) -> str:
-    scale = column.meaning.scale
-    words = f"{'half of ' if scale != 1 else ''}{shown(column.header)} is {column.name}"
+    half = "half of " if column.meaning.is_diameter else ""
+    words = f"{half}{shown(column.header)} is {column.name}"
     if unit and (unit.dimension, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:
             internal = "" if unit.dimension == "ratio" else f" {UNITS[unit.dimension][0]}"
             words += f" (1 {unit.spelling} is {unit.factor:.6g}{internal})"
-    known = scale * numbers[np.isfinite(numbers)]
+    known = column.meaning.scale * numbers[np.isfinite(numbers)]
     if known.size:
         ends = dict.fromkeys(f"{end:.6g}" for end in (known.min(), known.max()))
         words += f": {' to '.join(ends)}"

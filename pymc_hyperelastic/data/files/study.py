@@ -4,21 +4,19 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-from pymc_hyperelastic.data.columns import LABELS
 from pymc_hyperelastic.data.files.headers import NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
-from pymc_hyperelastic.data.files.settings import Settings
+from pymc_hyperelastic.data.files.settings import Constants, Settings
 from pymc_hyperelastic.data.files.sheets import Table
-from pymc_hyperelastic.data.inflation import file_of, listed
+from pymc_hyperelastic.data.inflation import FEWEST_COPIED, file_of
 from pymc_hyperelastic.data.validation import Check, refuse
+from pymc_hyperelastic.data.variables import TEST_LABELS
 from pymc_hyperelastic.mechanics.reference_tube import WALL
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.messages import listed, shown
 from pymc_hyperelastic.quantities import IN_SHEET_TABLES, IN_TABLES
 from pymc_hyperelastic.rounding import DIGITS
 
 MEASURED = ("radius", "outer_diameter")
-# Points of a test that another has too; fewer may agree by chance.
-_FEWEST_ALIKE = 3
 # Defaults for columns that a study lacks, in words.
 _OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
 # Names in tables of sheets of quantities that tables of tubes call otherwise.
@@ -35,29 +33,45 @@ def study_of(
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points and table.points != "sheets"]
-    constants = {table: settings.constants | settings.files.get(table.file, {}) for table in points}
+    constants = {table: settings.constants_of(table.file) for table in points}
     problems = [problem for table in tables for problem in table.problems]
-    problems += [
-        f"{name} is {shown(value)} in the settings, and {table.file} has a column of it, "
-        f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
-        for table, of_table in constants.items()
-        for name, value in of_table.items()
-        if name in table.frame
-    ]
+    problems += [what for each in constants.items() for what in stated_twice(*each)]
     frames = {table: table.frame.assign(**of_table) for table, of_table in constants.items()}
     problems += not_found(tables, settings) + _missing(frames, others, settings)
     refuse(problems)
     of_tubes = [table.frame.drop(columns=IN_SHEET_TABLES, errors="ignore") for table in others]
-    frame, idle = joined(pd.concat(frames.values()), of_tubes)
+    measured = [*MEASURED, "pressure", "axial_force"]
+    frame, idle = joined_tests(list(frames.values()), of_tubes, measured, check)
     frame, unused = _chosen(frame, settings, ", ".join(table.file for table in tables))
-    for name in {"experiment", "cycle"} & {*frame}:
-        frame[name] = counted(frame[name])
-    tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
-    refuse(scattered(tests))
-    refuse([] if check == "ignore" else alike(tests, [*MEASURED, "pressure", "axial_force"]))
     words = [*constants_in_words(settings), *contents_in_words(frame)]
     words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
     return frame, [*words, *_without_radii(frame), *idle, *unused]
+
+
+def stated_twice(table: Table, constants: Constants) -> list[str]:
+    """Problems of constants that have a column too."""
+    return [
+        f"{name} is {shown(value)} in the settings, and {table.file} has a column of it, "
+        f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
+        for name, value in constants.items()
+        if name in table.frame
+    ]
+
+
+def joined_tests(
+    points: list[pd.DataFrame], others: list[pd.DataFrame], measured: list[str], check: Check
+) -> tuple[pd.DataFrame, list[str]]:
+    """Join tables of specimens to those of points; return the frame, and rows without points.
+
+    Raises ValueError if a test is in several files, or two have the same `measured` points.
+    """
+    frame, idle = joined(pd.concat(points), others)
+    for name in {"experiment", "cycle"} & {*frame}:
+        frame[name] = _counted(frame[name])
+    tests = frame.groupby([name for name in TEST_LABELS if name in frame], sort=False)
+    refuse(_scattered(tests))
+    refuse([] if check == "ignore" else _alike(tests, measured))
+    return frame, idle
 
 
 def constants_in_words(settings: Settings) -> list[str]:
@@ -183,13 +197,13 @@ def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.Dat
     return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
 
 
-def counted(labels: pd.Series) -> pd.Series:
+def _counted(labels: pd.Series) -> pd.Series:
     """Labels as integers if all are written as such; 1.0 is how spreadsheets may write a cycle."""
     written = labels.str.removesuffix(".0") if labels.name == "cycle" else labels
     return written.astype("int64") if written.str.fullmatch("0|[1-9][0-9]{0,17}").all() else labels
 
 
-def scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """Problems of tests whose rows stand in several files."""
     frame = tests.obj
     files = frame.index.map(file_of)
@@ -205,7 +219,7 @@ def scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     ]
 
 
-def alike(tests: pd.api.typing.DataFrameGroupBy, names: Iterable[str]) -> list[str]:
+def _alike(tests: pd.api.typing.DataFrameGroupBy, names: Iterable[str]) -> list[str]:
     """Problems of two experiments with the same points of the given names, as if copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
@@ -216,7 +230,7 @@ def alike(tests: pd.api.typing.DataFrameGroupBy, names: Iterable[str]) -> list[s
         # Its cycles may well be the same, as they are read.
         experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"
         other, first = seen.setdefault(points, (experiment, place))
-        if len(points) >= _FEWEST_ALIKE and other != experiment:
+        if len(points) >= FEWEST_COPIED and other != experiment:
             problems.append(
                 f"{first} and {place} have the same {len(points)} points, as if one had been "
                 'copied: remove one, or correct it; if it is right, say check="ignore"'

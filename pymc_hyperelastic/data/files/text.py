@@ -17,7 +17,7 @@ import pandas as pd
 
 from pymc_hyperelastic.data.files.headers import heading
 from pymc_hyperelastic.data.labels import forbidden_character, plain_text
-from pymc_hyperelastic.messages import in_one_line, shown
+from pymc_hyperelastic.messages import MOST_LISTED, in_one_line, shown
 
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 
@@ -34,15 +34,12 @@ _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp125
 _COMMENT = re.compile(r"\s*#(?![,;\t])")
 # A cell that is a number cannot be the name of a column. No number has as many digits.
 _NUMBER = re.compile(r"(?=[+-]?[.,]*[0-9])[+-]?[0-9.,]{1,60}([eE][+-]?[0-9]{1,4})?")
-# Runs of lines that a message names.
-_MOST_LINES = 10
-# Bytes of a line: no table has as many columns, and a file without line breaks is no table.
-_LONGEST_LINE = 2**20
-# Bytes of a file, once it is decompressed: some million measured points.
-_LARGEST_FILE = 2**28
+#: Bytes of a file, once it is decompressed: some million measured points.
+LARGEST_FILE = 2**28
 # Lines in which the names of columns, and a separator if the first line has none, are looked for.
 _LINES_LOOKED_AT = 100
-_LONGEST_CELL = csv.field_size_limit()
+# Bytes of a line: no table has as many columns, and a file without line breaks is no table.
+_LONGEST_LINE = csv.field_size_limit()
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
 _EXPORT = "export each sheet as CSV (File, Save as, CSV UTF-8), and give the CSV files"
 
@@ -74,7 +71,7 @@ def lines_in_words(lines: Sequence[int]) -> str:
         if not runs or line != runs[-1][-1] + 1:
             runs.append([])
         runs[-1].append(line)
-    named = runs[:_MOST_LINES]
+    named = runs[:MOST_LISTED]
     words = [
         f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in named
     ]
@@ -97,29 +94,19 @@ def read_sheets(
 
 
 def _content(path: Path, file: str) -> bytes:
-    """Bytes of a file; one that is too long is refused before it is in memory."""
-    chunks: list[bytes] = []
-    size = 0
+    """Bytes of a file; one that is too long is refused before all of it is in memory."""
     unpacked = _COMPRESSED.get(path.suffix.lower(), open)
     try:
         with unpacked(path, "rb") as opened:
-            while chunk := opened.read(_LONGEST_LINE):
-                chunks.append(chunk)
-                size += len(chunk)
-                is_text = not chunks[0].startswith(_BINARY)
-                if is_text and len(chunk) == _LONGEST_LINE and not re.search(rb"[\r\n]", chunk):
-                    raise ValueError(
-                        f"{file} has a line of more than {_LONGEST_LINE / 1e6:.0f} million bytes: "
-                        "is it a table, with one line a measured point?"
-                    )
-                if size > _LARGEST_FILE:
-                    raise ValueError(
-                        f"{file} has more than {_LARGEST_FILE / 1e6:.0f} million bytes: divide it, "
-                        "or leave out points"
-                    )
+            content = opened.read(LARGEST_FILE + 1)
     except (EOFError, gzip.BadGzipFile, lzma.LZMAError) as error:
         raise ValueError(f"{file} cannot be decompressed: {in_one_line(error)}") from None
-    return b"".join(chunks)
+    if len(content) > LARGEST_FILE:
+        raise ValueError(
+            f"{file} has more than {LARGEST_FILE / 1e6:.0f} million bytes: divide it, or leave "
+            "out points"
+        )
+    return content
 
 
 def _sheets_of_workbook(content: bytes, file: str, columns: Collection[str]) -> Iterator[Sheet]:
@@ -127,8 +114,8 @@ def _sheets_of_workbook(content: bytes, file: str, columns: Collection[str]) -> 
     try:
         # The sizes that the archive states are those to which it may be decompressed.
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if sum(part.file_size for part in archive.infolist()) > _LARGEST_FILE:
-                raise ValueError(f"it is larger than {_LARGEST_FILE / 1e6:.0f} million bytes")
+            if sum(part.file_size for part in archive.infolist()) > LARGEST_FILE:
+                raise ValueError(f"it is larger than {LARGEST_FILE / 1e6:.0f} million bytes")
         workbook = pd.read_excel(
             io.BytesIO(content), sheet_name=None, header=None, dtype=str, na_filter=False
         )
@@ -299,6 +286,11 @@ def _decoded(content: bytes, file: str) -> tuple[str, str]:
             f"{file} is a spreadsheet (.ods, .xls) or a zip archive, not a text file: open it, "
             f"{_EXPORT}; or save it as a workbook, .xlsx"
         )
+    if max(map(len, content.splitlines()), default=0) > _LONGEST_LINE:
+        raise ValueError(
+            f"{file} has a line of more than {_LONGEST_LINE} bytes: is it a table, with one line "
+            "a measured point?"
+        )
     marked = next((name for start, name in _MARKS.items() if content.startswith(start)), None)
     # Each byte is a letter of Latin-1, so that it comes last; Windows writes its superset.
     for encoding in [marked] if marked else ["utf-8", "cp1252"]:
@@ -348,6 +340,5 @@ def _without_remarks(lines: list[str], separator: str) -> list[str]:
 
 
 def _count(line: str, separator: str) -> int:
-    """How many cells the beginning of a line has."""
-    beginning = [line[:_LONGEST_CELL]]
-    return len(next(csv.reader(beginning, delimiter=separator, skipinitialspace=True), []))
+    """How many cells a line has."""
+    return len(next(csv.reader([line], delimiter=separator, skipinitialspace=True), []))
