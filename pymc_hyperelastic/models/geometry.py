@@ -58,7 +58,8 @@ class MeasuredValue:
     A sheet has the measures ``sheet_thickness`` and ``gauge_length``, of which the data hold no
     values: their `sd` is relative. With the true thickness ``h e^{z s}`` a measured stress is the
     true one times ``e^{z s}``; with the true gauge length ``L e^{z s}`` the true stretch is
-    ``1 + (λ − 1) e^{−z s}``. A posterior holds ``e^{z s}`` under the names of these measures.
+    ``1 + (λ − 1) e^{−z s}``. Cauchy stresses count as computed with the measured stretch, as the
+    nominal stress times ``λ``. A posterior holds ``e^{z s}`` under the names of these measures.
 
     Tests of one specimen share ``z``, its *deviation*. An error that several specimens share is
     taken as if each had its own.
@@ -175,6 +176,11 @@ def _check_measure_of_sheet(name: str, prior: Any) -> None:
         raise TypeError(
             f"the prior of {name!r} is {prior!r}; expected its relative standard deviation, such "
             "as ph.MeasuredValue(sd=0.05)"
+        )
+    if prior.sd >= 1:
+        raise ValueError(
+            f"the prior of {name!r} is {prior!r}, an error of 100 % or more: its sd is relative, "
+            "such as ph.MeasuredValue(sd=0.05) for 5 %"
         )
 
 

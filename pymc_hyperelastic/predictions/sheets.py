@@ -211,12 +211,13 @@ class SheetDraws(NamedTuple):
         """
         length = self.ratios.get("gauge_length", np.ones((1, 1, 1)))
         found = self.stresses({axis: 1 + (v - 1) / length for axis, v in stretches.items()})
-        thickness = self.ratios.get("sheet_thickness", 1.0)
-        return {
-            axis: thickness
-            * np.where(nominal, found[axis] / np.exp(found[f"log_{axis}"]), found[axis])
-            for axis in "xy"
-        }
+        thickness, measured = self.ratios.get("sheet_thickness", 1.0), {}
+        for axis, stretch in stretches.items():
+            true = np.exp(found[f"log_{axis}"])
+            # A measured Cauchy stress is the nominal stress times the measured stretch.
+            factor = np.where(nominal, 1.0, np.where(np.isnan(stretch), true, stretch))
+            measured[axis] = thickness * found[axis] / true * factor
+        return measured
 
     def stresses(self, stretches: Mapping[str, Array]) -> dict[str, Array]:
         """Return Cauchy stresses, and logarithms of stretches, (chain, draw, point).

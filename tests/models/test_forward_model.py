@@ -207,3 +207,26 @@ def test_parameter_that_is_data_warns_and_follows_a_change_of_the_data():
         parameters = {"mu": pm.Uniform("mu", 0, 50), "alpha": 9.0}
         ph.inflation_likelihood("tube", ph.Ogden(), data, 0.5, parameters, mode="quadrature")
     np.testing.assert_allclose(log_density(own), log_density(expected), rtol=1e-9)
+
+
+def test_prior_that_depends_on_data_warns_and_follows_a_change_of_the_data():
+    """Tables for the range of a prior would be wrong after ``pm.set_data``."""
+    data = shared_errors.dataset()
+    found = []
+    for first in (0.5, 9.0):
+        with pm.Model() as own:
+            center = pm.Data("center", first)
+            priors = {"mu": pm.Uniform("mu", 0, 50), "alpha": pm.Normal("alpha", center, 0.01)}
+            with pytest.warns(UserWarning, match="depends on center, which may be set"):
+                ph.inflation_model(ph.Ogden(), data, 0.5, priors=priors, name="tube")
+            pm.set_data({"center": 9.0})
+        found.append(own.compile_logp()({"mu_interval__": 0.0, "alpha": 9.0}))
+    assert found[0] == pytest.approx(found[1], rel=ROUNDING)
+
+
+def test_sizes_of_priors_may_depend_on_lengths_of_dimensions():
+    with pm.Model(coords={"term": [1, 2]}):
+        mu = pm.LogNormal("mu", 2, 1, dims="term")
+        alpha = pm.Normal("alpha", [2.0, 6.0], 1, dims="term")
+        priors = {"mu": mu, "alpha": alpha}
+        ph.inflation_model(ph.OgdenSeries(2), shared_errors.dataset(), 0.5, priors=priors, name="t")

@@ -244,20 +244,26 @@ def test_stretch_sd_needs_stress_sd():
         ph.Gaussian(0.3, stretch_sd=0.01)
 
 
-def test_uncertain_thickness_and_gauge_length_scale_stresses_and_strains():
-    """The true measures are the measured ones times a factor of each specimen."""
-    data, sds = sheets(LAW, TISSUE, ["biaxial"]), {"sheet_thickness": 0.1, "gauge_length": 0.05}
+@pytest.mark.parametrize("measure", ["cauchy", "nominal"])
+def test_uncertain_thickness_and_gauge_length_scale_stresses_and_strains(measure):
+    """The true measures are the measured ones times a factor of each specimen.
+
+    A measured Cauchy stress is the nominal stress times the measured stretch.
+    """
+    data = sheets(LAW, TISSUE, ["biaxial"], stress=measure)
+    sds = {"sheet_thickness": 0.1, "gauge_length": 0.05}
     priors = {name: ph.MeasuredValue(sd) for name, sd in sds.items()}
     model = ph.material_model(LAW, data, ph.Gaussian(stress_sd=NOISE), priors=priors)
     z = {"sheet_thickness": 1.5, "gauge_length": -0.8}
     values = TISSUE | {f"{name}_deviation": [value] for name, value in z.items()}
     factor = {name: np.exp(sds[name] * value) for name, value in z.items()}
     stretch = [1 + (data[f"stretch_{axis}"].values - 1) / factor["gauge_length"] for axis in "xy"]
-    expected = ph.sheet_stress(LAW, *stretch, **TISSUE)
-    exact = sum(
-        stats.norm.logpdf(data[name].values, factor["sheet_thickness"] * mean.eval(), NOISE).sum()
-        for name, mean in zip(("stress_x", "stress_y"), expected, strict=True)
-    )
+    expected = ph.sheet_stress(LAW, *stretch, nominal=True, **TISSUE)
+    exact = 0.0
+    for axis, mean in zip("xy", expected, strict=True):
+        by = data[f"stretch_{axis}"].values if measure == "cauchy" else 1.0
+        mean = factor["sheet_thickness"] * mean.eval() * by
+        exact += stats.norm.logpdf(data[f"stress_{axis}"].values, mean, NOISE).sum()
     assert log_density_at(model, values) == pytest.approx(exact, rel=1e-10)
     for name, value in z.items():
         ratio = model[name].eval({model[f"{name}_deviation"]: [value]})
@@ -284,6 +290,8 @@ def test_joint_model_takes_errors_of_tubes_and_of_sheets():
 def test_errors_of_a_sheet_are_relative_standard_deviations():
     """A distribution, a missing number and a measure of the other kind are refused."""
     data, likelihood = sheets(LAW, TISSUE, ["biaxial"]), ph.Gaussian(stress_sd=NOISE)
+    with pytest.raises(ValueError, match="an error of 100 % or more: its sd is relative"):
+        ph.material_model(LAW, data, likelihood, priors={"sheet_thickness": ph.MeasuredValue(20.0)})
     for prior in (ph.MeasuredValue(), pm.Normal.dist(1.0, 0.1)):
         with pytest.raises(TypeError, match=r"'sheet_thickness'.*expected its relative standard"):
             ph.material_model(LAW, data, likelihood, priors={"sheet_thickness": prior})

@@ -464,6 +464,7 @@ REFUSED = {
     "point": (*NEO, {"point": "mode"}, ["point is 'mode'", "'draw', 'mean', 'median'"]),
     "draws": (*NEO, {"draws": 2}, ["draws is 2", "has 1"]),
     "bulk modulus": (*NEO, {"bulk_modulus": -1.0}, ["positive number in kPa", "-1.0"]),
+    "soft volume": (*NEO, {"bulk_modulus": 30.0}, ["is 30, less than 10 times", "another unit"]),
     "no stiffness": (ph.OgdenSeries(1), {"mu": [6.0], "alpha": [-2.0]}, {}, ["shear modulus -6"]),
     "dispersion": (GOH, FIBRES | {"kappa": 0.4}, {}, ["kappa is 0.4", "0.333333"]),
     "0/0": (GOH, FIBRES | {"k2": 0.0}, {}, ["k2 is 0", "divides"]),

@@ -1,6 +1,7 @@
 """The choice of an integrator: the cheapest one that is accurate over the range of the prior."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -8,7 +9,9 @@ import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.graph.traversal import ancestors
+from pytensor.compile.sharedvalue import SharedVariable
+from pytensor.graph.basic import Variable
+from pytensor.graph.traversal import walk
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
@@ -106,16 +109,28 @@ def choose_integrator(
 def draws_of_prior(wall: WallVariables, tests: int) -> WallVariables:
     """Return the wall with draws of the prior, as numbers, in place of all that is unknown.
 
-    Raises MissingInputError or NotImplementedError if a prior depends on a variable that is not
-    random, or cannot be drawn from.
+    Raises MissingInputError or NotImplementedError if a prior cannot be drawn from, or depends on a
+    variable that is not random, such as pm.Data: it may be set to any value later.
     """
     wall, rng = wall.mapped(lambda value: value), np.random.default_rng(1)  # by entries of vectors
-    for value in wall.unknown:  # such as pm.Data, which may be set to any value later
-        if not any(map(is_random, ancestors([value]))):
+    for value in wall.unknown:
+        before = list(walk([value], _parents))
+        if not any(map(is_random, before)):
             raise NotImplementedError(f"{value} depends on no random variable")
+        for other in before:
+            if isinstance(other, SharedVariable):
+                raise NotImplementedError(f"it depends on {other}, which may be set to any value")
     draws = draws_of(wall.unknown, RANGE_DRAWS) if wall.unknown else []
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
     return wall.with_values(values, tests)
+
+
+def _parents(variable: Variable) -> Sequence[Variable]:
+    """Return the variables of which a variable is computed; of a draw only its parameters."""
+    node = variable.owner
+    if node is None:
+        return ()
+    return node.op.dist_params(node) if is_random(variable) else node.inputs
 
 
 @np.errstate(all="ignore")  # draws may be infinite

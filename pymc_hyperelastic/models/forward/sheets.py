@@ -168,9 +168,14 @@ class SymbolicSheets(SymbolicTests):
         x, y, log_x, log_y = stresses_at(energy, true.get("x"), true.get("y"), entries)
         if (factor := self._factor("sheet_thickness", block)) is not None:
             x, y = x * factor, y * factor
-        nominal = inputs[f"{block}_nominal"]
-        # Nominal stress is Cauchy stress over stretch.
-        return {"x": x * pt.exp(-nominal * log_x), "y": y * pt.exp(-nominal * log_y)}, known
+        # A measured Cauchy stress is the nominal stress times the measured stretch. In a free
+        # direction both stresses are 0.
+        by_stretch = 1 - inputs[f"{block}_nominal"]
+        stresses = {
+            axis: cauchy * pt.exp(by_stretch * known.get(axis, log) - log)
+            for axis, cauchy, log in (("x", x, log_x), ("y", y, log_y))
+        }
+        return stresses, known
 
     def _true_stretch(self, block: str, log_stretch: TensorVariable) -> TensorVariable:
         """Return the logarithm of the true stretch: the gauge length may have an error."""

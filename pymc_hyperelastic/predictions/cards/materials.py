@@ -87,7 +87,8 @@ def bulk_modulus_of(energy: StrainEnergy, values: Values, given: float | None) -
     Raises
     ------
     ValueError
-        If the stiffness is not positive, so that the solid is unstable at rest.
+        If the stiffness is not positive, so that the solid is unstable at rest, or if the given
+        bulk modulus is so small that the solid is compressible.
     """
     stiffness = _stiffness_at_rest(energy, values)
     if not stiffness > 0:
@@ -95,6 +96,12 @@ def bulk_modulus_of(energy: StrainEnergy, values: Values, given: float | None) -
         raise ValueError(
             f"{energy.name} with {listed} has the shear modulus {stiffness:.6g}; a "
             "finite-element model needs a positive one: choose another point or other draws"
+        )
+    if given is not None and given < 10 * stiffness:
+        raise ValueError(
+            f"the bulk modulus is {given:g}, less than 10 times the stiffness at rest of "
+            f"{energy.name}, {stiffness:.4g} in the same unit; the volume would not stay nearly "
+            "constant, as the fit assumes: is it in another unit?"
         )
     return 1000.0 * stiffness if given is None else given
 
