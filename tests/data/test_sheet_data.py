@@ -419,6 +419,13 @@ REFUSED = {
         "a column 'cycle', and choose with ph.select(data, phase=...); or, if the rows were only "
         "shuffled, sort them, frame.sort_values('stretch')",
     ),
+    "cycle with equal ends": (
+        lambda: along_x(pulled(stretch=[1, 1.1, 1.2, 1.1, 1], stress=[0, 2.0, 5.0, 1.5, 0])),
+        f"{PLACE}, row 13: stretch turns back here, as if this were loading and unloading, between "
+        "which a material loses energy: name loading and unloading in a column 'phase', cycles in "
+        "a column 'cycle', and choose with ph.select(data, phase=...); or, if the rows were only "
+        "shuffled, sort them, frame.sort_values('stretch')",
+    ),
     "row twice": (
         lambda: build(pd.concat([biaxial(), biaxial().iloc[[2]].set_index(pd.Index([30]))])),
         f"{PLACE}, row 30: repeats row 12 (stretch_x 1.1, stretch_y 1.05, stress_x 4, stress_y 1), "
