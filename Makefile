@@ -27,7 +27,7 @@ help:
 	@echo "make docs        build the documentation in docs/_build/html"
 	@echo "make docs-check  check each page of the documentation in a browser"
 	@echo "make dist        build wheel and source distribution in dist/, and test the wheel"
-	@echo "make benchmark   measure time and accuracy against other methods; takes 7 minutes"
+	@echo "make benchmark   measure time and accuracy against other methods; takes 7 to 13 minutes"
 	@echo "make clean       remove the files that targets write, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study
