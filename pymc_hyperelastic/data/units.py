@@ -91,6 +91,8 @@ def expected_units(spelling: str, dimension: str) -> str:
 @cache
 def _factor(unit: str, dimension: str, keyword: str) -> float:
     """How many internal units one `unit` is."""
+    if unit == UNITS[dimension][0]:  # the default: the definitions of pint take a second to read
+        return 1.0
     expected = f"expected a unit of {dimension}: {expected_units(str(unit), dimension)}"
     registry, internal = _registry(), UNITS[dimension][0]
     try:

@@ -232,10 +232,10 @@ def test_problems_of_all_experiments_are_reported_in_one_message(written):
     lines = message_of(written, head + tables).splitlines()
     assert lines[0] == "4 problems:" and len(lines) == 5
     assert lines[1].startswith(
-        "- specimen 'S5', experiment 1, a.csv, line 15: repeats a.csv, line 14 "
+        "- specimen 'S1', experiment 1, a.csv, line 5: radius turns back here"
     )
     assert lines[2].startswith(
-        "- specimen 'S1', experiment 1, a.csv, line 5: radius turns back here"
+        "- specimen 'S5', experiment 1, a.csv, line 15: repeats a.csv, line 14 "
     )
     assert lines[3].startswith("- a.csv: specimen 'S4', experiment 1: the error of thickness is -1")
     assert lines[4].startswith("- a.csv: specimen 'S2', experiment 1: outer_radius is 7 mm; expect")

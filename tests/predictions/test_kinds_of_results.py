@@ -99,7 +99,8 @@ PREDICTIONS = {
     "radius_at_pressure": (ph.radius_at_pressure, [2.0, 3.0]),
     "tube_properties": (ph.tube_properties, [2.0, 3.0]),
     "in mmHg": (ph.tube_properties, ph.Conditions([15, 22], pressure_unit="mmHg")),
-    "wall_stress": (ph.wall_stress, [2.0, 3.0]),
+    # The least of the measured pressures: the softest draw of a class does not reach 2 kPa.
+    "wall_stress": (ph.wall_stress, [1.1, 1.4]),
     "admissible": (ph.is_admissible, None),
 }
 
