@@ -149,7 +149,7 @@ def _properties(
     for values in parameters.values():
         values[~finite] = 1.0
     parts = []
-    for rows in np.array_split(np.arange(draws), -(-finite.size // _BATCH_SIZE)):
+    for rows in np.array_split(np.arange(draws), min(draws, -(-finite.size // _BATCH_SIZE))):
         batch = {name: values[rows] for name, values in parameters.items()}
         tree = xr.DataTree.from_dict({"posterior": posterior_of(batch)})
         with warnings.catch_warnings():

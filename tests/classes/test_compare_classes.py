@@ -13,11 +13,15 @@ from tube_posteriors import result as posterior
 from variable_classes import SIGMA, STRESS, TRAINING, TUBE, UNIT_PRESSURE, fit, modulus
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import groups
+from pymc_hyperelastic.classes import groups, quantities
 from pymc_hyperelastic.classes.compare_classes import _bayes_factors
 from pymc_hyperelastic.classes.joint import Apart, Joint
 from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.classes.quantities import complete_conditions, standard_specimens
+from pymc_hyperelastic.classes.quantities import (
+    complete_conditions,
+    standard_specimens,
+    values_of,
+)
 
 SEED = 913
 X = "log_reference_strain"
@@ -372,6 +376,20 @@ def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
     assert found["log_bayes_factor"][1] == pytest.approx([np.log(means[0] / means[1])])
     assert found["log_bayes_factor_se"][1] == pytest.approx([np.hypot(*errors)])
     assert found["probability_of_difference"][1] == pytest.approx([means[0] / sum(means)])
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_properties_do_not_depend_on_the_size_of_batches(classes, size, monkeypatch):
+    """There may be more batches than draws, each with many specimens."""
+    kind, at = kind_of_classes(classes), complete_conditions(classes, ["stiffness"], 2.5)
+    coordinates = np.log(0.2) + 0.1 * np.arange(6.0).reshape(1, 2, 3)
+    for draws in (coordinates, coordinates[:, :1]):
+        whole = values_of(kind, draws, ["stiffness"], at)["stiffness"]
+        with monkeypatch.context() as patch:
+            patch.setattr(quantities, "_BATCH_SIZE", size)
+            found = values_of(kind, draws, ["stiffness"], at)["stiffness"]
+        np.testing.assert_allclose(found, whole, rtol=1e-12)
+        assert np.isfinite(whole).all() and np.ptp(whole) > 0
 
 
 def test_standard_specimens_have_zero_mean_and_unit_covariance():
