@@ -21,8 +21,9 @@ from playwright.async_api import Browser, async_playwright
 SITE = Path(__file__).with_name("_build") / "html"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 WIDTHS, SCHEMES, AT_ONCE, TRIES = (1400, 400), ("light", "dark"), 4, 20
-# Pages of source code are alike: the browser opens one of so many. The links of all are checked.
-SOURCE_PAGES_FOR_ONE = 20
+# Pages of source code have the same layout: the browser opens every twentieth of them. The links of
+# all pages are checked.
+STEP_OF_SOURCE_PAGES = 20
 # In the dark scheme only the colours differ. The scrolling regions depend on the width.
 RULES = {
     (1400, "light"): {},
@@ -200,7 +201,7 @@ def main() -> None:
     }
     links, broken = broken_links(pages)
     source = [name for name in pages if name.startswith("_modules/")]
-    skipped = {*source} - {*source[::SOURCE_PAGES_FOR_ONE]}
+    skipped = {*source} - {*source[::STEP_OF_SOURCE_PAGES]}
     names = [name for name in pages if name.startswith(tuple(sys.argv[1:]) or "")]
     names = [name for name in names if name not in skipped]
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=SITE))

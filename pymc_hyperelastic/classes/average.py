@@ -17,7 +17,6 @@ from scipy.special import log_softmax, logsumexp, softmax
 
 from pymc_hyperelastic.classes.interface import (
     DRAWS,
-    SEED,
     ClassKind,
     Prediction,
     training_evidence,
@@ -35,6 +34,7 @@ from pymc_hyperelastic.models.settings import (
     named_layers,
     wall_of,
 )
+from pymc_hyperelastic.predictions.members import SEED
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,6 @@ from pymc_hyperelastic.models.settings import ModelSettings
 
 Array = NDArray[np.float64]
 
-# Seed of random numbers that are the same at every call.
-SEED = 1
 # Number of draws of an estimate that takes no time: the relative error of a standard deviation from
 # 4000 draws is 1 %.
 DRAWS = 4000

@@ -21,7 +21,6 @@ from pymc_hyperelastic.classes.distribution import (
     Units,
     fit_enough,
 )
-from pymc_hyperelastic.classes.interface import SEED
 from pymc_hyperelastic.classes.specimen_evidence import Unit
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.models.class_distribution import (
@@ -32,6 +31,7 @@ from pymc_hyperelastic.models.class_distribution import (
     some_of_posterior,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
+from pymc_hyperelastic.predictions.members import SEED
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 
 from pymc_hyperelastic.classes.hierarchical import HierarchicalClass
-from pymc_hyperelastic.classes.interface import SEED
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.data.sheets import tubes_of
 from pymc_hyperelastic.mechanics.reference_tube import Tube
@@ -22,7 +21,7 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of, named_layers
 from pymc_hyperelastic.predictions.conditions import Conditions, as_conditions
 from pymc_hyperelastic.predictions.measured import Extrapolated, beyond_pressures, warned
-from pymc_hyperelastic.predictions.members import posterior_of
+from pymc_hyperelastic.predictions.members import SEED, posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.quantities import IN_RESULTS, unit_text
 

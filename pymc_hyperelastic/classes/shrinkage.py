@@ -10,7 +10,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.compare_classes import check_quantities
-from pymc_hyperelastic.classes.interface import SEED
 from pymc_hyperelastic.classes.joint import draws_given
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import complete_conditions, values_of
@@ -19,7 +18,7 @@ from pymc_hyperelastic.classes.specimen_evidence import unit_of_specimen
 from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.predictions.conditions import Conditions
-from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
+from pymc_hyperelastic.predictions.members import SEED, names_of_specimens, stored_draws
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.classes.interface import DRAWS, SEED
+from pymc_hyperelastic.classes.interface import DRAWS
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.target import (
     Derivatives,
@@ -21,6 +21,7 @@ from pymc_hyperelastic.evidence.target import (
     gradient_by_differences,
     width_of,
 )
+from pymc_hyperelastic.predictions.members import SEED
 
 Array = NDArray[np.float64]
 

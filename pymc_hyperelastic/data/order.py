@@ -4,7 +4,7 @@ Points of an inflation test stand in the order of radii, those of an extension t
 stretches, and those of a sheet in that of the stretch that varies most.
 """
 
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -61,15 +61,18 @@ def order_of_points(
     compared = {
         name: points[name] for name in (measured, "pressure", "axial_force") if name in points
     }
-    repeated = _Repeated.of(rows, compared, np.where(varying[rows.test], stretch, np.nan))
+    if varying.any():
+        compared = {"axial_stretch": np.where(varying[rows.test], stretch, np.nan)} | compared
+    repeated = _repeated(rows, compared)
     order = []
-    for own in map(repeated.others, tests):
+    for test in tests:
+        own = test[~repeated[test]]
         extended = varying[rows.test[own[0]]] and clearly_extended(stretch[own])
         name = "axial_stretch" if extended else measured
         along = stretch[own] if extended else points[measured][own]
         pressure = None if extended else points["pressure"][own]
         order.append(_sorted(rows, own, name, along, pressure))
-    repeated.refuse(rows, tests)
+    _refuse_repeated(rows, compared, tests, repeated)
     return np.concatenate(order)
 
 
@@ -83,13 +86,14 @@ def order_of_sheet_points(
     error.
     """
     tests = _points_of_tests(rows)
-    repeated = _Repeated.of(rows, points, np.full(len(rows.test), np.nan))
+    repeated = _repeated(rows, points)
     order = []
-    for own in map(repeated.others, tests):
+    for test in tests:
+        own = test[~repeated[test]]
         known = {name: x[own] for name, x in stretches.items() if np.isfinite(x[own]).all()}
         name = max(known, key=lambda name: np.ptp(known[name]), default=None)
         order.append(own if name is None else _sorted(rows, own, name, known[name], None))
-    repeated.refuse(rows, tests)
+    _refuse_repeated(rows, points, tests, repeated)
     return np.concatenate(order)
 
 
@@ -178,42 +182,33 @@ def _turns(x: Array) -> int:
     return turns
 
 
-class _Repeated(NamedTuple):
-    """Rows that repeat another of their test, at the same stretch: they would count twice.
+def _repeated(rows: Rows, compared: dict[str, Array]) -> NDArray[np.bool_]:
+    """Return the rows that repeat another of their test.
 
-    Loading and unloading meet at equal points, and are refused for turning back, if they are not
-    told apart: the other rows say whether they do.
+    The order of a test is that of its other rows: loading and unloading meet at equal points, and
+    are an error of the order.
     """
+    return pd.DataFrame(compared).assign(test=rows.test).duplicated().to_numpy()
 
-    names: list[str]
-    values: Array
-    """By row and name."""
-    twice: NDArray[np.bool_]
 
-    @classmethod
-    def of(cls, rows: Rows, compared: dict[str, Array], stretch: Array) -> "_Repeated":
-        if np.isfinite(stretch).any():
-            compared = {"axial_stretch": stretch} | compared
-        values = np.column_stack(list(compared.values()))
-        twice = pd.DataFrame(values).assign(test=rows.test).duplicated().to_numpy()
-        return cls(list(compared), values, twice)
-
-    def others(self, points: Points) -> Points:
-        return points[~self.twice[points]]
-
-    def refuse(self, rows: Rows, tests: list[Points]) -> None:
-        """Refuse the first repeated row of each test that is not refused already."""
-        drop = (
-            "delete the line"
-            if rows.of_files
-            else "drop it, by frame.drop_duplicates(subset=[...]) of labels and measured values"
+def _refuse_repeated(
+    rows: Rows, compared: dict[str, Array], tests: list[Points], repeated: NDArray[np.bool_]
+) -> None:
+    """Refuse the first repeated row of each test that has no other error: it would count twice."""
+    values = np.column_stack(list(compared.values()))
+    drop = (
+        "delete the line"
+        if rows.of_files
+        else "drop it, by frame.drop_duplicates(subset=[...]) of labels and measured values"
+    )
+    for points in tests:
+        if not repeated[points].any() or rows.test[points[0]] in rows.failed:
+            continue
+        i = points[np.argmax(repeated[points])]
+        first = next(j for j in points if np.array_equal(values[j], values[i], equal_nan=True))
+        found = zip(compared, values[i], strict=True)
+        cells = ", ".join(f"{name} {x:.6g}" for name, x in found if np.isfinite(x))
+        rows.refuse(
+            i,
+            f"repeats {row_text(rows.frame.index[first])} ({cells}), and would count twice: {drop}",
         )
-        for points in tests:
-            if not self.twice[points].any() or rows.test[points[0]] in rows.failed:
-                continue
-            i = points[np.argmax(self.twice[points])]
-            equal = [np.array_equal(self.values[j], self.values[i], equal_nan=True) for j in points]
-            first = row_text(rows.frame.index[points[np.argmax(equal)]])
-            found = zip(self.names, self.values[i], strict=True)
-            cells = ", ".join(f"{name} {x:.6g}" for name, x in found if np.isfinite(x))
-            rows.refuse(i, f"repeats {first} ({cells}), and would count twice: {drop}")

@@ -235,12 +235,12 @@ def build_model(
     """
     wall, distributions, unknown = complete_unknowns(energy, priors, parent)
     likelihood.check(wall, data, distributions, unknown, partial=forward is not None)
-    if (tubes := tubes_of(data)) is not None:
-        likelihood.check_forces(tubes)
     if forward is None:
         # Classes fit one compiled Potential to the data of each; observed variables are not shared.
         settings = {"mode": mode, "replaceable": not likelihood.observed}
         forward = likelihood.forward_model(wall, data, distributions, unknown, **settings)
+    elif (tubes := tubes_of(data)) is not None:
+        likelihood.check_forces(tubes)
     given = [*distributions.values(), *priors_of(unknown).values()]
     if rising and any(belongs_to(v, parent) for v in given):
         raise ValueError(

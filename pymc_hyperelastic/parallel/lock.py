@@ -1,4 +1,4 @@
-"""One thread of a process at a time runs functions of this package, and one those of its BLAS."""
+"""A lock that lets one thread of a process at a time run functions of this package."""
 
 import threading
 from collections.abc import Callable
@@ -14,7 +14,7 @@ LOCK = threading.RLock()
 def one_thread[**P, R](function: Callable[P, R]) -> Callable[P, R]:
     """Let a function wait until no other thread is in such a function, and use one thread itself.
 
-    Several threads of a BLAS round sums in another order than one, so that results would depend on
+    Linear algebra in several threads rounds sums in another order, so that results would depend on
     the number of cores. The matrices of this package are too small for threads to save time.
 
     Examples
@@ -28,13 +28,13 @@ def one_thread[**P, R](function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
-        with LOCK, _blas().limit(limits=1):
+        with LOCK, _thread_pools().limit(limits=1):
             return function(*args, **kwargs)
 
     return alone
 
 
 @cache
-def _blas() -> ThreadpoolController:
-    """Find the libraries that NumPy and SciPy have loaded, once: this takes milliseconds."""
-    return ThreadpoolController().select(user_api="blas")
+def _thread_pools() -> ThreadpoolController:
+    """Find the libraries with threads of their own, once: this takes milliseconds."""
+    return ThreadpoolController()

@@ -5,9 +5,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
 
-from threadpoolctl import threadpool_limits
-
-from pymc_hyperelastic.parallel.lock import LOCK
+from pymc_hyperelastic.parallel.lock import one_thread
 
 
 class Part(Protocol):
@@ -37,6 +35,7 @@ class Work(ABC):
 _prepared: dict[str, Any] = {}
 
 
+@one_thread
 def run_batch(work: Work, token: str, data: Any, part: Part) -> Any:
     """Do the work of a batch and write its part.
 
@@ -57,7 +56,7 @@ def run_batch(work: Work, token: str, data: Any, part: Part) -> Any:
         The answer of the work.
     """
     # The results hold all that a warning would say.
-    with LOCK, warnings.catch_warnings(), threadpool_limits(1):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if token not in _prepared:
             _prepared.clear()

@@ -55,7 +55,7 @@ class Workers(ABC):
         """Raise if no worker is left: by default a worker that dies is replaced."""
 
     def close(self) -> None:
-        """Stop all workers: by default there are none."""
+        """Stop the processes that this object has started."""
 
 
 class ThisProcess(Workers):

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 # Name of the typical specimen: the specimen at the location of the class.
 TYPICAL = "typical"
-#: Seed of the draws of a prediction: fixed, so that every call returns the same draws.
+#: Seed of random numbers that are the same at every call, such as the draws of a prediction.
 SEED = 1
 # Variables of the group "specimens" of a fitted class, and their dimensions for one specimen.
 _DRAWS: dict[str, tuple[str, ...]] = {
